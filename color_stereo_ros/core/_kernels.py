@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Compiled loops of the paper's method: bare arrays in and out.
+
+Conventions of the search. Disparities are counted as k = 0 .. D-1 with d = first + k. The right
+row is stored reversed and padded, entry i belonging to column x = W - 1 - first - i, so that the
+candidates of a left pixel x are the D entries from i = W - 1 - x on, in the order of k. Unsigned
+indices keep numba from testing for negative ones, which would stop the vectorization over k.
+
+"""
+
+import numpy as np
+from numba import njit, prange
+
+COST_UNIT = 2.0      # stored cost per DN^2
+COST_CAP = 65535     # stored cost of colors that are entirely different
+FAR = 1.0e3          # color ratio that no lit pixel has
+NO_COST = 2 ** 31 - 1
+NO_INDEX = 2 ** 30
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def correct_colors(image, inside, dark, gains, min_signal, saturation, zero_weakest, target,
+                   corrected, reason):
+    """
+    Correct the colors of an image (paper, sec. 2.2) and find the pixels that cannot be used.
+
+    Writes corrected (H, W, 4): components and 1, or four zeros where the pixel cannot be used;
+    reason (H, W): 0 usable, otherwise 1 outside, 2 dark, 3 saturated (the codes of Status).
+
+    """
+    height, width = reason.shape
+    for y in prange(height):
+        for x in range(width):
+            red, green, blue = image[y, x, 0], image[y, x, 1], image[y, x, 2]
+            strongest = max(red - dark[0], green - dark[1], blue - dark[2])
+            code = 0
+            if not inside[y, x]:
+                code = 1
+            elif max(red, green, blue) >= saturation:
+                code = 3
+            elif strongest < min_signal:
+                code = 2
+            reason[y, x] = code
+            for channel in range(4):
+                corrected[y, x, channel] = np.float32(0.0)
+            if code == 0:
+                r = max(np.float32(0.0), (red - dark[0]) * gains[0])
+                g = max(np.float32(0.0), (green - dark[1]) * gains[1])
+                b = max(np.float32(0.0), (blue - dark[2]) * gains[2])
+                if zero_weakest:
+                    weakest = min(r, g, b)
+                    r = r if r > weakest else np.float32(0.0)
+                    g = g if g > weakest else np.float32(0.0)
+                    b = b if b > weakest else np.float32(0.0)
+                factor = np.float32(1.0)
+                if target > 0:
+                    factor = target / max(r + g + b, np.float32(1e-6))
+                corrected[y, x, 0] = r * factor
+                corrected[y, x, 1] = g * factor
+                corrected[y, x, 2] = b * factor
+                corrected[y, x, 3] = np.float32(1.0)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _fill_right_row(colors, first, ratios_p, ratios_q):
+    """Write the ratios to each component of one right row, reversed and padded, (3, W + D - 1)."""
+    width = colors.shape[0]
+    far = np.float32(FAR)
+    for i in range(ratios_p.shape[1]):
+        x = width - 1 - first - i
+        inside = 0 <= x < width and colors[max(0, min(x, width - 1)), 3] > 0
+        for m in range(3):
+            p, q = far, far
+            if inside:
+                divisor = max(colors[x, m], np.float32(1e-3))
+                p = min(far, colors[x, (m + 1) % 3] / divisor)
+                q = min(far, colors[x, (m + 2) % 3] / divisor)
+            ratios_p[m, i] = p
+            ratios_q[m, i] = q
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _add_cost_row(colors, ratios_p, ratios_q, ring, sums):
+    """
+    Replace one row of pixel costs in the ring and update the column sums.
+
+    The paper's squared distance of the scaled colors without its division: with m the largest
+    left component, L_m^2 [(L_p/L_m - R_p/R_m)^2 + (L_q/L_m - R_q/R_m)^2].
+
+    """
+    width, count = sums.shape
+    unit = np.float32(COST_UNIT)
+    cap = np.float32(COST_CAP)
+    half = np.float32(0.5)
+    for x in range(width):
+        base = np.uint64(width - 1 - x)
+        m = 0
+        if colors[x, 1] > colors[x, 0]:
+            m = 1
+        if colors[x, 2] > colors[x, m]:
+            m = 2
+        strongest = colors[x, m]
+        weight = unit * strongest * strongest
+        divisor = max(strongest, np.float32(1e-3))
+        p = colors[x, (m + 1) % 3] / divisor
+        q = colors[x, (m + 2) % 3] / divisor
+        for k in range(np.uint64(count)):
+            e = ratios_p[m, base + k] - p
+            f = ratios_q[m, base + k] - q
+            cost = np.int32(min(cap, weight * (e * e + f * f) + half))
+            sums[x, k] += cost - np.int32(ring[x, k])
+            ring[x, k] = np.uint16(cost)
+
+
+@njit(cache=True, nogil=True)
+def _drop_cost_row(ring, sums):
+    """Take one row of pixel costs out of the ring and the column sums."""
+    width, count = sums.shape
+    for x in range(width):
+        for k in range(count):
+            sums[x, k] -= np.int32(ring[x, k])
+            ring[x, k] = np.uint16(0)
+
+
+@njit(cache=True, nogil=True)
+def _slide(sums, x, reach, total):
+    """Move the window sum of all disparities to column x."""
+    width, count = sums.shape
+    enter = np.uint64(min(x + reach, width - 1))
+    leave = np.uint64(max(x - reach - 1, 0))
+    entering = x + reach < width
+    leaving = x - reach - 1 >= 0
+    if entering and leaving:
+        for k in range(np.uint64(count)):
+            total[k] += sums[enter, k] - sums[leave, k]
+    elif entering:
+        for k in range(np.uint64(count)):
+            total[k] += sums[enter, k]
+    elif leaving:
+        for k in range(np.uint64(count)):
+            total[k] -= sums[leave, k]
+
+
+@njit(cache=True, nogil=True)
+def _best(total, low, high):
+    """Return the smallest cost in low <= k < high and its first position."""
+    best = np.int32(NO_COST)
+    for k in range(np.uint64(low), np.uint64(high)):
+        best = min(best, total[k])
+    where = np.int32(NO_INDEX)
+    for k in range(np.uint64(low), np.uint64(high)):
+        where = min(where, np.int32(k) if total[k] == best else np.int32(NO_INDEX))
+    return best, where
+
+
+@njit(cache=True, nogil=True)
+def _second(total, low, high, where):
+    """Return the smallest local minimum of the cost that is not the one at `where`."""
+    second = np.int32(NO_COST)
+    for k in range(np.uint64(low + 1), np.uint64(max(high - 1, low + 1))):
+        cost = total[k]
+        minimum = (cost <= total[k - np.uint64(1)]) & (cost <= total[k + np.uint64(1)])
+        apart = (np.int32(k) < where - 1) | (np.int32(k) > where + 1)
+        second = min(second, cost if minimum & apart else np.int32(NO_COST))
+    return second
+
+
+@njit(cache=True, nogil=True)
+def _offer_to_right(total, low, high, base, right_cost, right_index):
+    """Let the left pixel bid for its candidates: each right pixel keeps the cheapest k."""
+    start = np.uint64(base)
+    for k in range(np.uint64(low), np.uint64(high)):
+        cheaper = total[k] < right_cost[start + k]
+        right_cost[start + k] = total[k] if cheaper else right_cost[start + k]
+        right_index[start + k] = np.int32(k) if cheaper else right_index[start + k]
+
+
+@njit(cache=True, nogil=True)
+def _search_row(sums, reach, low, high, total, right_cost, right_index, winner, costs):
+    """
+    Find the winner of each left pixel of one row.
+
+    Writes winner (W, 2): k of the winner and k of the winner of its right pixel; costs (W, 4):
+    cost before, at and after the winner, and the best cost elsewhere.
+
+    """
+    width, count = sums.shape
+    total[:] = 0
+    right_cost[:] = NO_COST
+    right_index[:] = -1
+    for x in range(min(reach, width)):
+        for k in range(count):
+            total[k] += sums[x, k]
+    for x in range(width):
+        _slide(sums, x, reach, total)
+        best, where = _best(total, low[x], high[x])
+        _offer_to_right(total, low[x], high[x], width - 1 - x, right_cost, right_index)
+        winner[x, 0] = where
+        costs[x, 0] = total[max(where - 1, 0)]
+        costs[x, 1] = best
+        costs[x, 2] = total[min(where + 1, count - 1)]
+        costs[x, 3] = _second(total, low[x], high[x], where)
+    for x in range(width):
+        winner[x, 1] = right_index[width - 1 - x + winner[x, 0]]
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def search(left, right, first, reach_x, reach_y, low, high, ring, sums, total, ratios,
+           right_cost, right_index, winner, costs):
+    """
+    Search the corresponding points of an image (paper, sec. 2.2: minimum of Q over the window).
+
+    One band of rows per first index of the buffers, each band with its own. Writes winner
+    (H, W, 2) and costs (H, W, 4); see _search_row.
+
+    """
+    bands = ring.shape[0]
+    height = left.shape[0]
+    rows = 2 * reach_y + 1
+    for band in prange(bands):
+        start = band * height // bands
+        stop = (band + 1) * height // bands
+        ring[band] = 0
+        sums[band] = 0
+        for y in range(start - reach_y, stop + reach_y):
+            slot = (y + rows) % rows
+            if 0 <= y < height:
+                _fill_right_row(right[y], first, ratios[band, 0], ratios[band, 1])
+                _add_cost_row(left[y], ratios[band, 0], ratios[band, 1], ring[band, slot],
+                              sums[band])
+            else:
+                _drop_cost_row(ring[band, slot], sums[band])
+            center = y - reach_y
+            if center >= start:
+                _search_row(sums[band], reach_x, low[center], high[center], total[band],
+                            right_cost[band], right_index[band], winner[center], costs[center])

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Disparity, depth and points, and the geometry between them."""
+
+from functools import lru_cache
+import math
+
+import numpy as np
+
+from .types import SettingsError
+
+
+def depth_from_disparity(disparity, geometry):
+    """
+    Triangulate: Z = f B / (d - (cx_left - cx_right)).
+
+    Parameters
+    ----------
+    disparity : numpy.ndarray, float32, shape (H, W)
+        x_left - x_right, px; NaN = unknown.
+    geometry : RectifiedGeometry
+
+    Returns
+    -------
+    depth : numpy.ndarray, float32, shape (H, W)
+        m along Z of the rectified left camera; NaN = unknown or behind the camera.
+
+    """
+    shift = disparity - np.float32(geometry.principal_offset)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        depth = np.float32(geometry.focal_baseline) / shift
+    return np.where(shift > 0, depth, np.float32(np.nan))
+
+
+def disparity_from_depth(depth, geometry):
+    """Return d = f B / Z + cx_left - cx_right, px, for depths in m; NaN stays NaN."""
+    return geometry.focal_baseline / depth + geometry.principal_offset
+
+
+def disparity_limits(geometry, range_settings):
+    """
+    Return the disparities of the farthest and the nearest depth.
+
+    Parameters
+    ----------
+    geometry : RectifiedGeometry
+    range_settings : RangeSettings
+
+    Returns
+    -------
+    smallest, largest : float
+        px; may be negative on verged rigs.
+
+    Raises
+    ------
+    SettingsError
+        If no pixel of the right image can correspond to any pixel of the left one.
+
+    """
+    smallest = disparity_from_depth(range_settings.max_depth, geometry)
+    largest = disparity_from_depth(range_settings.min_depth, geometry)
+    if smallest > geometry.width - 1 or largest < 1 - geometry.width:
+        raise SettingsError(
+            f'range.min_depth = {range_settings.min_depth} m .. range.max_depth = '
+            f'{range_settings.max_depth} m gives disparities {smallest:.0f} .. {largest:.0f} px, '
+            f'outside an image of {geometry.width} columns')
+    return smallest, largest
+
+
+def search_interval(limits):
+    """Return the smallest interval of whole disparities (first, last) that holds the limits."""
+    return math.floor(limits[0]), math.ceil(limits[1])
+
+
+def points_from_depth(depth, geometry):
+    """
+    Back-project a depth image: X = (u - cx) Z / fx, Y = (v - cy) Z / fy.
+
+    Parameters
+    ----------
+    depth : numpy.ndarray, float32, shape (H, W)
+        m along Z; NaN = unknown.
+    geometry : RectifiedGeometry
+
+    Returns
+    -------
+    points : numpy.ndarray, float32, shape (H, W, 3)
+        m, rectified left camera, x right, y down, z forward; NaN = unknown.
+
+    """
+    rays_x, rays_y = _rays(geometry)
+    points = np.empty((*depth.shape, 3), np.float32)
+    np.multiply(depth, rays_x, out=points[..., 0])
+    np.multiply(depth, rays_y[:, None], out=points[..., 1])
+    points[..., 2] = depth
+    return points
+
+
+@lru_cache(maxsize=8)
+def _rays(geometry):
+    """Return X/Z of every column and Y/Z of every row, float32."""
+    rays_x = (np.arange(geometry.width) - geometry.center_x_left) / geometry.focal_x
+    rays_y = (np.arange(geometry.height) - geometry.center_y) / geometry.focal_y
+    return rays_x.astype(np.float32), rays_y.astype(np.float32)
