@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Pairs with truth: folders of left.png, right.png, left.yaml, right.yaml and truth.npz.
+
+A folder may carry a `settings.yaml` with the settings in which its pair was taken, nested as in
+`config/*.yaml` (`range: {min_depth: 0.22, max_depth: 0.62}`, `pattern: {type: sweep}`).
+
+"""
+
+from dataclasses import dataclass
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import yaml
+
+from ..core import ColorStereoError, ImageError, RecordingError, Settings, StereoCalibration
+from .metrics import Truth
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One pair of images, its calibration and its truth."""
+
+    name: str
+    left: np.ndarray
+    """uint8 (H, W, 3), raw RGB."""
+    right: np.ndarray
+    """uint8 (H, W, 3), raw RGB."""
+    calibration: StereoCalibration
+    truth: Truth
+    settings: dict
+    """Flat settings that belong to the pair; the depth limits are always among them."""
+    limits_source: str
+    """Where the depth limits come from, for people."""
+
+
+def load_folder(path, values=None):
+    """
+    Load a pair with its truth.
+
+    Parameters
+    ----------
+    path : path-like
+    values : dict, optional
+        Flat settings that override those of the folder, for example `{'range.min_depth': 0.3}`.
+
+    Returns
+    -------
+    scene : Scene
+        Its depth limits come from `values`, the folder's settings.yaml, or else from the rig.
+
+    Raises
+    ------
+    RecordingError
+        If a file is missing or cannot be read.
+    CalibrationError, ImageError, SettingsError
+        If a file has impossible contents.
+
+    """
+    path = Path(path)
+    calibration = StereoCalibration.from_yaml(path / 'left.yaml', path / 'right.yaml')
+    truth = load_truth(path / 'truth.npz')
+    own = _folder_settings(path / 'settings.yaml')
+    settings, source = with_depth_limits({**own, **(values or {})}, calibration, truth)
+    Settings().updated(settings)
+    return Scene(path.name, read_image(path / 'left.png'), read_image(path / 'right.png'),
+                 calibration, truth, settings, source)
+
+
+def read_image(path):
+    """Return an image file as uint8 (H, W, 3) RGB, or raise RecordingError."""
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise RecordingError(f'{path} is missing or no image')
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+
+def load_truth(path):
+    """
+    Read the truth of one pair.
+
+    Parameters
+    ----------
+    path : path-like
+        An .npz file with `depth` (m, along Z of the rectified left camera) and `visible`.
+
+    Returns
+    -------
+    truth : Truth
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing or has no such arrays.
+
+    """
+    try:
+        with np.load(path) as arrays:
+            depth, visible = arrays['depth'], arrays['visible']
+    except (OSError, ValueError, KeyError) as error:
+        raise RecordingError(f'{path} is no truth with depth and visible: {error}') from error
+    if depth.ndim != 2 or depth.shape != visible.shape:
+        raise ImageError(f'{path}: depth {depth.shape} and visible {visible.shape} must be two '
+                         'images of one size')
+    depth = np.where(depth > 0, depth, np.nan).astype(np.float32)
+    return Truth(depth, visible.astype(bool) & np.isfinite(depth))
+
+
+def _folder_settings(path):
+    """Return the flat settings of a settings.yaml, {} if there is none."""
+    if not path.exists():
+        return {}
+    try:
+        groups = yaml.safe_load(path.read_text()) or {}
+        return {f'{group}.{name}': value
+                for group, values in groups.items() for name, value in values.items()}
+    except (OSError, yaml.YAMLError, AttributeError) as error:
+        raise RecordingError(f'{path} has no groups of settings: {error}') from error
+
+
+def with_depth_limits(settings, calibration, truth):
+    """
+    Complete the depth limits of flat settings from the rig.
+
+    Parameters
+    ----------
+    settings : dict
+        Flat names to values.
+    calibration : color_stereo_ros.core.StereoCalibration
+    truth : Truth
+        The limits are widened until they hold every visible true depth with 5 % to spare.
+
+    Returns
+    -------
+    settings : dict
+    source : str
+        Where the limits come from, for people.
+
+    """
+    names = ('range.min_depth', 'range.max_depth')
+    if all(name in settings for name in names):
+        return settings, 'given'
+    near, far = depth_limits_of_rig(calibration)
+    source = 'from the rig'
+    visible = truth.depth[truth.visible]
+    if visible.size and (visible.min() < near or visible.max() > far):
+        near, far = min(near, 0.95 * visible.min()), max(far, 1.05 * visible.max())
+        source = 'from the rig, widened to the truth'
+    limits = dict(zip(names, (round(float(near), 3), round(float(far), 3))))
+    return {**limits, **settings}, source
+
+
+def depth_limits_of_rig(calibration):
+    """
+    Return the depths that a rig was evidently built for.
+
+    Parameters
+    ----------
+    calibration : color_stereo_ros.core.StereoCalibration
+
+    Returns
+    -------
+    near, far : float
+        m. For converging cameras 0.6 and 1.65 times the distance at which their axes cross, for
+        parallel ones the depths whose disparities are 16 % and 7.5 % of the image width.
+
+    """
+    geometry = calibration.geometry
+    rotation, _ = calibration.right_from_left
+    # The left optical axis in the right camera leans to +x where the axes meet in front.
+    convergence = math.atan2(rotation[0, 2], rotation[2, 2])
+    if convergence > math.radians(2):
+        crossing = geometry.baseline / 2 / math.tan(convergence / 2)
+        return 0.6 * crossing, 1.65 * crossing
+    return (geometry.focal_baseline / (0.16 * geometry.width),
+            geometry.focal_baseline / (0.075 * geometry.width))
+
+
+def find_scenes(paths):
+    """
+    Return every folder with a truth.npz below some paths, sorted within each of them.
+
+    Parameters
+    ----------
+    paths : sequence of path-like
+        Scene folders or folders of them.
+
+    Returns
+    -------
+    folders : list of pathlib.Path
+
+    Raises
+    ------
+    ColorStereoError
+        If a path holds no scene.
+
+    """
+    folders = []
+    for path in map(Path, paths):
+        found = sorted(truth.parent for truth in path.rglob('truth.npz'))
+        if not found:
+            raise ColorStereoError(f'{path} holds no scene: no truth.npz in it or below')
+        folders += found
+    return folders

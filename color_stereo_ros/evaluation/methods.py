@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run any method on a scene: those of this package and OpenCV's, on the same rectified pair."""
+
+from dataclasses import dataclass, fields
+import time
+
+from ..core import ColorStereo, MatchingSettings, RangeResult, RectifiedPair, Settings
+from ..core import SettingsError
+from ..core.rectification import Rectifier
+from ..core.settings import suggestion
+from . import opencv_matchers
+from .metrics import measure
+
+
+def _own_methods():
+    spec = next(spec for spec in fields(MatchingSettings) if spec.name == 'method')
+    return spec.metadata['choices']
+
+
+METHODS = (*_own_methods(), *opencv_matchers.METHODS)
+"""Every method that can be evaluated: those of `matching.method`, then OpenCV's."""
+
+REPEATS = 3
+"""A method faster than a second is run so often; the shortest time counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What one method made of one scene."""
+
+    method: str
+    settings: Settings
+    pair: RectifiedPair
+    result: RangeResult
+    milliseconds: float
+    """Wall time from the rectified pair (OpenCV) or the raw pair (own methods) to the depth."""
+
+
+def checked_methods(names):
+    """Return method names as a tuple, or raise SettingsError for an unknown one."""
+    for name in names:
+        if name not in METHODS:
+            raise SettingsError(f'unknown method {name!r}{suggestion(name, METHODS)}; known are '
+                                + ', '.join(METHODS))
+    return tuple(names)
+
+
+def run_method(scene, method, values=None, repeats=REPEATS):
+    """
+    Run one method on one scene.
+
+    Parameters
+    ----------
+    scene : color_stereo_ros.evaluation.datasets.Scene
+    method : str
+        One of `METHODS`.
+    values : dict, optional
+        Flat settings that override those of the scene.
+    repeats : int
+        A fast method is run so often; the shortest time counts.
+
+    Returns
+    -------
+    run : Run
+
+    Raises
+    ------
+    ColorStereoError
+        If a name or a value is wrong.
+
+    """
+    checked_methods([method])
+    flat = {**scene.settings, **(values or {})}
+    if method in opencv_matchers.METHODS:
+        settings = Settings().updated(flat)
+        pair = Rectifier(scene.calibration).rectify(scene.left, scene.right)
+        result, seconds = _timed(lambda: opencv_matchers.match(method, pair, settings.range),
+                                 repeats)
+    else:
+        settings = Settings().updated({**flat, 'matching.method': method})
+        stereo = ColorStereo(scene.calibration, settings)
+        pair = stereo.rectify(scene.left, scene.right)
+        result, seconds = _timed(lambda: stereo.process(scene.left, scene.right), repeats)
+    return Run(method, settings, pair, result, 1e3 * seconds)
+
+
+def _timed(function, repeats):
+    best = float('inf')
+    for _ in range(max(repeats, 1)):
+        start = time.perf_counter()
+        result = function()
+        best = min(best, time.perf_counter() - start)
+        if best > 1:
+            break
+    return result, best
+
+
+def evaluate(scene, method, values=None, repeats=REPEATS):
+    """
+    Run one method on one scene and measure the result.
+
+    Parameters
+    ----------
+    scene, method, values, repeats
+        As for `run_method`.
+
+    Returns
+    -------
+    run : Run
+    figures : dict
+        Those of `metrics.measure`, and `milliseconds`.
+
+    """
+    run = run_method(scene, method, values, repeats)
+    return run, {**measure(run.result, scene.truth), 'milliseconds': run.milliseconds}

@@ -1,0 +1,388 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a range image is worth, measured against the truth.
+
+Every function takes a `RangeResult` and a `Truth` of the same pixels (the rectified left camera)
+and returns plain numbers, so that the report, the JSON file and the tests share one definition.
+A share is a number 0..1; a number that cannot be had (no pixel to measure) is None.
+
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..core import ImageError, Status
+from ..core.triangulation import disparity_from_depth, points_from_depth
+
+CORRECT_SHARE = 0.01
+"""A range is correct within 1 % of the distance: the promise of the paper, sec. 1."""
+
+LOCKING_ORDER = 3
+"""Harmonics of the smooth curve of pixel locking."""
+
+LEFT_OUT = 0.25
+"""No point this close to its plane is left out, px."""
+
+ROBUST_STD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The truth of one pair, in the pixels of the rectified left camera."""
+
+    depth: np.ndarray
+    """float32 (H, W), m along Z of the rectified left camera, NaN = unknown."""
+    visible: np.ndarray
+    """bool (H, W): seen by both cameras and lit by the projector."""
+
+
+def measure(result, truth):
+    """
+    Measure a range image against the truth.
+
+    Parameters
+    ----------
+    result : color_stereo_ros.core.RangeResult
+    truth : Truth
+
+    Returns
+    -------
+    figures : dict
+        Name to number, dict or None; documented in docs/evaluation.md.
+
+    Raises
+    ------
+    ImageError
+        If the two do not have the same size, or the truth knows no visible pixel.
+
+    """
+    check_sizes(result, truth)
+    return {**accuracy(result, truth),
+            'false_share': false_share(result, truth),
+            'planes': plane_fit(result, truth),
+            'locking': pixel_locking(result, truth),
+            'curve': density_curve(result, truth),
+            'reliability': reliability(result, truth),
+            'z_scores': z_scores(result, truth),
+            'status': status_shares(result, truth)}
+
+
+def check_sizes(result, truth):
+    """Raise ImageError unless result and truth have the same pixels and some are visible."""
+    shape = result.depth.shape
+    for name in ('depth', 'visible'):
+        other = getattr(truth, name).shape
+        if other != shape:
+            raise ImageError(f'truth.{name} has {other[1]} x {other[0]} pixels, the range image '
+                             f'{shape[1]} x {shape[0]}')
+    if not truth.visible.any():
+        raise ImageError('truth.visible is false everywhere: there is nothing to measure')
+
+
+def disparity_errors(result, truth):
+    """Return measured minus true disparity, px, float64 (H, W), NaN where either is unknown."""
+    return result.disparity - disparity_from_depth(truth.depth.astype(np.float64),
+                                                   result.geometry)
+
+
+def accuracy(result, truth):
+    """
+    Return density, share correct, bad-pixel shares and errors in px, m and % of the distance.
+
+    Density and `correct` are shares of the visible pixels with a true depth, everything else is
+    taken over those of them that have a range.
+
+    """
+    known = truth.visible & np.isfinite(truth.depth)
+    answered = known & np.isfinite(result.depth)
+    count = np.count_nonzero(known)
+    depth = truth.depth[answered].astype(np.float64)
+    meters = np.abs(result.depth[answered] - depth)
+    pixels = np.abs(disparity_errors(result, truth)[answered])
+    figures = {
+        'visible_pixels': int(count),
+        'density': np.count_nonzero(answered) / count if count else None,
+        'correct': np.count_nonzero(meters <= CORRECT_SHARE * depth) / count if count else None}
+    for name, limit in (('bad_05', 0.5), ('bad_1', 1.0), ('bad_2', 2.0)):
+        figures[name] = _number(np.mean, pixels > limit)
+    figures.update(_summary('px', pixels))
+    figures.update(_summary('m', meters))
+    figures.update(_summary('percent', 100 * meters / depth))
+    return figures
+
+
+def _summary(unit, errors):
+    return {f'mean_{unit}': _number(np.mean, errors),
+            f'median_{unit}': _number(np.median, errors),
+            f'p95_{unit}': _number(lambda e: np.percentile(e, 95), errors)}
+
+
+def _number(function, values):
+    return float(function(values)) if values.size else None
+
+
+def false_share(result, truth):
+    """
+    Return the share of all ranges that lie where at most one camera sees a lit surface.
+
+    There the truth has a depth and is not visible: half-occluded strips, shadows, the part of
+    the left image that the right camera does not see.
+
+    """
+    ranges = np.isfinite(result.depth)
+    count = np.count_nonzero(ranges)
+    false = ranges & np.isfinite(truth.depth) & ~truth.visible
+    return np.count_nonzero(false) / count if count else None
+
+
+def plane_fit(result, truth):
+    """
+    Return the noise of the ranges about the best plane through each planar piece of the truth.
+
+    The plane is fitted to the measurement, so this is precision, not trueness. Points farther
+    than three robust standard deviations from their plane are left out and counted.
+
+    Returns
+    -------
+    figures : dict or None
+        `rms_mm` along the normal, `rms_px` in disparity, `planes`, `pixels`, `left_out` (share);
+        None if no piece of the truth is planar.
+
+    """
+    labels, count = planar_regions(truth, result.geometry)
+    points = points_from_depth(result.depth, result.geometry).astype(np.float64)
+    answered = np.isfinite(result.depth)
+    fits = [_plane_residuals(points, result.disparity, answered & (labels == label))
+            for label in range(1, count + 1)]
+    fits = [fit for fit in fits if fit is not None]
+    if not fits:
+        return None
+    millimeters, pixels, totals = zip(*fits)
+    millimeters, pixels = np.concatenate(millimeters), np.concatenate(pixels)
+    return {'rms_mm': float(1e3 * np.sqrt(np.mean(millimeters ** 2))),
+            'rms_px': float(np.sqrt(np.mean(pixels ** 2))),
+            'planes': len(fits), 'pixels': int(millimeters.size),
+            'left_out': 1.0 - millimeters.size / sum(totals)}
+
+
+def _plane_residuals(points, disparity, mask):
+    """Return distances (m) and disparity residuals (px) from the best plane, and the pixels."""
+    rows, columns = np.nonzero(mask)
+    if rows.size < 100:
+        return None
+    # A plane in space is an affine function of the pixel in disparity.
+    design = np.column_stack([np.ones(rows.size), columns, rows]).astype(np.float64)
+    design[:, 1:] -= design[:, 1:].mean(axis=0)
+    values = disparity[mask].astype(np.float64)
+    keep = np.ones(rows.size, bool)
+    for _ in range(5):
+        plane = np.linalg.lstsq(design[keep], values[keep], rcond=None)[0]
+        residuals = values - design @ plane
+        keep = np.abs(residuals) <= max(3 * robust_std(residuals), LEFT_OUT)
+    cloud = points[mask][keep]
+    cloud = cloud - cloud.mean(axis=0)
+    normal = np.linalg.eigh(cloud.T @ cloud)[1][:, 0]
+    return cloud @ normal, residuals[keep], rows.size
+
+
+def planar_regions(truth, geometry, step=4, tolerance=0.002, smallest=0.005):
+    """
+    Return the planar pieces of the truth.
+
+    A plane is affine in disparity, so second differences over `step` pixels vanish on it.
+
+    Parameters
+    ----------
+    truth : Truth
+    geometry : color_stereo_ros.core.RectifiedGeometry
+    step : int
+        Reach of the second difference, px.
+    tolerance : float
+        Largest second difference, px.
+    smallest : float
+        Smallest piece, share of all pixels.
+
+    Returns
+    -------
+    labels : numpy.ndarray, int32, shape (H, W)
+        0 = not planar or not visible, 1..count = pieces.
+    count : int
+
+    """
+    disparity = disparity_from_depth(truth.depth.astype(np.float64), geometry)
+    flat = truth.visible & np.isfinite(disparity)
+    for axis in (0, 1):
+        ahead, behind = np.roll(disparity, -step, axis), np.roll(disparity, step, axis)
+        with np.errstate(invalid='ignore'):
+            flat &= np.abs(ahead - 2 * disparity + behind) <= tolerance
+    border = np.zeros_like(flat)
+    border[step:-step, step:-step] = True
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+        (flat & border).astype(np.uint8), connectivity=4)
+    large = [label for label in range(1, count)
+             if stats[label, cv2.CC_STAT_AREA] >= smallest * flat.size]
+    table = np.zeros(count, np.int32)
+    table[large] = np.arange(1, len(large) + 1)
+    return table[labels], len(large)
+
+
+def depth_edges(truth, geometry, jump=1.5, reach=8):
+    """
+    Return where a depth edge is near.
+
+    Parameters
+    ----------
+    truth : Truth
+    geometry : color_stereo_ros.core.RectifiedGeometry
+    jump : float
+        Difference of disparity between neighbors that counts as an edge, px.
+    reach : int
+        Largest distance from the edge, px.
+
+    Returns
+    -------
+    near : numpy.ndarray, bool, shape (H, W)
+
+    """
+    disparity = disparity_from_depth(truth.depth.astype(np.float64), geometry)
+    disparity = np.where(np.isfinite(disparity), disparity, -1e6)
+    edges = np.zeros(disparity.shape, np.uint8)
+    edges[:, 1:] |= np.abs(np.diff(disparity, axis=1)) > jump
+    edges[1:, :] |= np.abs(np.diff(disparity, axis=0)) > jump
+    return cv2.dilate(edges, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > 0
+
+
+def pixel_locking(result, truth):
+    """
+    Return how the error depends on the fractional part of the true disparity.
+
+    A periodic curve (Fourier series of third order) is fitted to the errors of visible smooth
+    surfaces; its peak to peak is the pixel locking. Errors farther than three robust standard
+    deviations from the curve are left out.
+
+    Returns
+    -------
+    figures : dict or None
+        `peak_to_peak_px`, `fraction` (20 values 0..1) and `mean_px`, the curve itself; None if
+        less than nine tenths of all fractions occur.
+
+    """
+    true = disparity_from_depth(truth.depth.astype(np.float64), result.geometry)
+    errors = result.disparity - true
+    mask = (truth.visible & np.isfinite(errors) & (np.abs(errors) < 1)
+            & ~depth_edges(truth, result.geometry))
+    fraction, errors = np.mod(true[mask], 1.0), errors[mask]
+    filled = np.count_nonzero(np.histogram(fraction, 20, (0, 1))[0] >= 50)
+    if filled < 18:
+        return None
+    design = _harmonics(fraction)
+    keep = np.ones(errors.size, bool)
+    for _ in range(4):
+        curve = np.linalg.lstsq(design[keep], errors[keep], rcond=None)[0]
+        residuals = errors - design @ curve
+        keep = np.abs(residuals) <= 3 * max(robust_std(residuals), 1e-9)
+    fine = _harmonics(np.arange(200) / 200) @ curve
+    return {'peak_to_peak_px': float(np.ptp(fine)),
+            'fraction': [i / 20 for i in range(20)],
+            'mean_px': [float(value) for value in fine[::10]]}
+
+
+def _harmonics(fraction):
+    angles = 2 * np.pi * fraction[:, None] * np.arange(1, LOCKING_ORDER + 1)
+    return np.concatenate([np.ones((fraction.size, 1)), np.cos(angles), np.sin(angles)], axis=1)
+
+
+def density_curve(result, truth, steps=20):
+    """
+    Return the errors that remain when only the most trusted pixels are kept.
+
+    Returns
+    -------
+    curve : dict or None
+        Lists `density` (share of the visible pixels), `bad_1` and `median_px`, from the most
+        trusted 1/`steps` of the ranges to all of them; None if all are trusted equally.
+
+    """
+    known = truth.visible & np.isfinite(truth.depth)
+    answered = known & np.isfinite(result.depth)
+    trust = result.confidence[answered]
+    if trust.size < steps or np.ptp(trust) == 0:
+        return None
+    errors = np.abs(disparity_errors(result, truth)[answered])
+    errors = errors[np.argsort(-trust, kind='stable')]
+    sizes = [trust.size * (i + 1) // steps for i in range(steps)]
+    count = np.count_nonzero(known)
+    return {'density': [size / count for size in sizes],
+            'bad_1': [float(np.mean(errors[:size] > 1)) for size in sizes],
+            'median_px': [float(np.median(errors[:size])) for size in sizes]}
+
+
+def reliability(result, truth, bins=10):
+    """
+    Return whether, of the pixels with confidence c, a share c is right within 1 px.
+
+    All ranges with a true depth count, the false ones of half-occluded regions too.
+
+    Returns
+    -------
+    figures : dict or None
+        Lists `confidence` (mean of each bin), `right` (share) and `pixels` (share of all
+        ranges), and `calibration_error`, the mean absolute difference of the first two weighted
+        with the third; None if all are trusted equally.
+
+    """
+    answered = np.isfinite(truth.depth) & np.isfinite(result.depth)
+    trust = result.confidence[answered].astype(np.float64)
+    if not trust.size or np.ptp(trust) == 0:
+        return None
+    right = np.abs(disparity_errors(result, truth)[answered]) <= 1
+    index = np.clip((trust * bins).astype(int), 0, bins - 1)
+    sizes = np.bincount(index, minlength=bins)
+    used = sizes > 0
+    means = np.bincount(index, trust, bins)[used] / sizes[used]
+    shares = np.bincount(index, right, bins)[used] / sizes[used]
+    weights = sizes[used] / trust.size
+    return {'confidence': means.tolist(), 'right': shares.tolist(), 'pixels': weights.tolist(),
+            'calibration_error': float(np.sum(weights * np.abs(means - shares)))}
+
+
+def z_scores(result, truth):
+    """
+    Return the errors of the disparity in units of the standard deviation that came with them.
+
+    Returns
+    -------
+    figures : dict or None
+        `robust_std` (1 is honest, more is boastful), `mean` of the central 98 %, `within_2`
+        (share, 0.954 is honest); None if the result has no standard deviations.
+
+    """
+    errors = disparity_errors(result, truth)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        scores = errors / result.disparity_std
+    scores = scores[truth.visible & np.isfinite(scores)]
+    if scores.size < 100:
+        return None
+    low, high = np.percentile(scores, (1, 99))
+    return {'robust_std': float(robust_std(scores)),
+            'mean': float(np.mean(scores[(scores >= low) & (scores <= high)])),
+            'within_2': float(np.mean(np.abs(scores) <= 2))}
+
+
+def robust_std(values):
+    """Return 1.4826 times the median absolute deviation, which outliers cannot move."""
+    return ROBUST_STD * np.median(np.abs(values - np.median(values)))
+
+
+def status_shares(result, truth):
+    """Return for each `Status` name its share of all pixels and of the visible ones."""
+    total, visible = result.status.size, np.count_nonzero(truth.visible)
+    shares = {}
+    for status in Status:
+        mask = result.status == status
+        shares[status.name] = {'all': np.count_nonzero(mask) / total,
+                               'visible': np.count_nonzero(mask & truth.visible) / visible}
+    return shares
