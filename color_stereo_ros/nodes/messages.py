@@ -1,0 +1,299 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Messages to arrays and back: the only place that knows encodings, steps, byte order, PointField.
+
+Reading is duck-typed, so that messages of the `rosbags` library are read without ROS; only the
+builders import message classes, when they are called. A builder refills the message that it is
+given: its byte array is reused while the size stays the same, and `publish` copies it anyway.
+
+"""
+
+from array import array
+
+import cv2
+import numpy as np
+
+from ..core.types import ImageError
+
+_PLAIN = {'rgb8': (3, None), 'bgr8': (3, cv2.COLOR_BGR2RGB),
+          'rgba8': (4, cv2.COLOR_RGBA2RGB), 'bgra8': (4, cv2.COLOR_BGRA2RGB)}
+# ROS names the first two pixels of rows 0 and 1. OpenCV's older two-letter names start at pixel
+# (1, 1) instead (its BayerBG is rggb); these four-letter names mean the same as in ROS.
+_BAYER = {'bayer_rggb': cv2.COLOR_BayerRGGB2RGB, 'bayer_bggr': cv2.COLOR_BayerBGGR2RGB,
+          'bayer_gbrg': cv2.COLOR_BayerGBRG2RGB, 'bayer_grbg': cv2.COLOR_BayerGRBG2RGB}
+ENCODINGS = (*_PLAIN, *(name + bits for bits in ('8', '16') for name in _BAYER))
+"""The encodings that `image_to_rgb` reads."""
+
+_COLORLESS = ('mono8', 'mono16', '8UC1', '16UC1', '32FC1', '64FC1')
+_MIN_BAYER_SIZE = 3
+_MAX_SIDE = 32767  # OpenCV's remap stores coordinates in 16 bits
+
+
+def image_to_rgb(msg):
+    """
+    Return the image of a message as RGB.
+
+    Parameters
+    ----------
+    msg : sensor_msgs.msg.Image
+        Any of `ENCODINGS`. Of 16-bit Bayer images (full scale 65535) the high byte is used.
+
+    Returns
+    -------
+    rgb : numpy.ndarray, uint8, shape (H, W, 3)
+        C-contiguous; shares memory with the message if that is rgb8 without padding.
+
+    Raises
+    ------
+    ImageError
+        For an encoding without color or unknown, a size of zero, a step too small, or data that
+        are shorter or longer than height * step.
+
+    """
+    encoding = msg.encoding
+    if encoding in _PLAIN:
+        channels, code = _PLAIN[encoding]
+        pixels = _pixels(msg, channels)
+        return np.ascontiguousarray(pixels) if code is None else cv2.cvtColor(pixels, code)
+    pattern = encoding.removesuffix('16').removesuffix('8')
+    if pattern in _BAYER and encoding in ENCODINGS:
+        return cv2.cvtColor(_mosaic(msg), _BAYER[pattern])
+    raise ImageError(_encoding_complaint(encoding))
+
+
+def _encoding_complaint(encoding):
+    if encoding in _COLORLESS:
+        reason = 'has no color, but the pattern is told apart by its color'
+    elif encoding in ('8UC3', '8UC4'):
+        reason = 'does not tell the order of its channels'
+    elif encoding == '':
+        reason = 'is empty'
+    else:
+        reason = 'is not supported'
+    return f'encoding = {encoding!r} {reason}; expected one of {", ".join(ENCODINGS)}'
+
+
+def _mosaic(msg):
+    """Return the 8-bit mosaic of a Bayer image, shape (H, W)."""
+    if min(msg.width, msg.height) < _MIN_BAYER_SIZE:
+        raise ImageError(f'{msg.width} x {msg.height} px is too small for {msg.encoding}, '
+                         f'expected at least {_MIN_BAYER_SIZE} x {_MIN_BAYER_SIZE} px')
+    if msg.encoding.endswith('8'):
+        return _pixels(msg, 1)[..., 0]
+    high_byte = 0 if msg.is_bigendian else 1
+    return np.ascontiguousarray(_pixels(msg, 2)[..., high_byte])
+
+
+def _pixels(msg, channels):
+    """Return the bytes of the pixels without copying them, uint8 (H, W, channels)."""
+    height, width, step = msg.height, msg.width, msg.step
+    if height == 0 or width == 0:
+        raise ImageError(f'the image is empty: width = {width} px, height = {height} px')
+    if max(height, width) > _MAX_SIDE:
+        raise ImageError(f'the image is too large: width = {width} px, height = {height} px, '
+                         f'expected at most {_MAX_SIDE} px')
+    if step < width * channels:
+        raise ImageError(f'step = {step} bytes is too small for width = {width} px of '
+                         f'{msg.encoding}, expected at least {width * channels} bytes')
+    data = np.frombuffer(msg.data, np.uint8)
+    if data.size != height * step:
+        kind = 'truncated' if data.size < height * step else 'too long'
+        raise ImageError(f'data is {kind}: {data.size} bytes, expected height * step = '
+                         f'{height} * {step} = {height * step} bytes')
+    return np.ndarray((height, width, channels), np.uint8, data, strides=(step, channels, 1))
+
+
+def stamp_ns(header):
+    """Return the stamp of a header in ns."""
+    return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+
+
+_CHANNELS = {'rgb8': (np.uint8, 3), 'bgr8': (np.uint8, 3), 'mono8': (np.uint8, 1),
+             '16UC1': (np.uint16, 1), '32FC1': (np.float32, 1)}
+
+
+def image_message(image, encoding, header, message=None):
+    """
+    Return an image message.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, shape (H, W) or (H, W, 3)
+        Of the type that the encoding says.
+    encoding : str
+        rgb8, bgr8, mono8, 16UC1 or 32FC1.
+    header : std_msgs.msg.Header
+    message : sensor_msgs.msg.Image, optional
+        A message to refill.
+
+    Returns
+    -------
+    message : sensor_msgs.msg.Image
+
+    Raises
+    ------
+    ImageError
+        If type or shape of the image do not fit the encoding.
+
+    """
+    from sensor_msgs.msg import Image
+    dtype, channels = _CHANNELS[encoding]
+    shape = image.shape[:2] if channels == 1 else (*image.shape[:2], channels)
+    if image.dtype != dtype or image.shape != shape:
+        raise ImageError(f'an image of type {image.dtype} and shape {image.shape} is no {encoding}')
+    message = message or Image()
+    message.header = header
+    message.height, message.width = shape[:2]
+    message.encoding = encoding
+    message.is_bigendian = 0
+    message.step = shape[1] * channels * np.dtype(dtype).itemsize
+    np.copyto(_view(message, shape, dtype), image)
+    return message
+
+
+def _view(message, shape, dtype):
+    """Return an array over the bytes of a message, which are replaced if their number differs."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    if len(message.data) != size:
+        # array.array is the one type that rclpy assigns fast with and without its field checks
+        message.data = array('B', bytes(size))
+    return np.frombuffer(message.data, dtype).reshape(shape)
+
+
+def millimeters(depth):
+    """Return depth (m, NaN = unknown) as uint16 mm, 0 = unknown or beyond 65.535 m (REP 118)."""
+    scaled = np.rint(np.nan_to_num(depth, nan=0.0) * np.float32(1000.0))
+    scaled[scaled > 65535.0] = 0.0
+    return scaled.astype(np.uint16)
+
+
+def camera_info_message(geometry, header):
+    """
+    Return the rectified left camera as a sensor_msgs/CameraInfo.
+
+    The images that go with it are rectified: D = 0, R = I, and K is the left part of P.
+
+    """
+    from sensor_msgs.msg import CameraInfo
+    fx, fy = geometry.focal_x, geometry.focal_y
+    cx, cy = geometry.center_x_left, geometry.center_y
+    return CameraInfo(
+        header=header, width=geometry.width, height=geometry.height,
+        distortion_model='plumb_bob', d=[0.0] * 5,
+        k=[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p=[fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
+
+
+POINT_STEP = 16
+"""Bytes of a point: x, y, z (float32, m) and rgb (0x00RRGGBB)."""
+
+
+def cloud_message(result, header, *, compact=False, rotation=None, message=None):
+    """
+    Return the points of a result as a sensor_msgs/PointCloud2.
+
+    Parameters
+    ----------
+    result : RangeResult
+    header : std_msgs.msg.Header
+    compact : bool
+        False: organized H x W, NaN = unknown. True: one row of the known points only.
+    rotation : numpy.ndarray, shape (3, 3), optional
+        Turns the points from the rectified left camera into another frame.
+    message : sensor_msgs.msg.PointCloud2, optional
+        A message to refill.
+
+    Returns
+    -------
+    message : sensor_msgs.msg.PointCloud2
+        Fields x y z rgb; rgb as rviz and PCL read it, the bytes B, G, R, 0.
+
+    """
+    from sensor_msgs.msg import PointCloud2
+    message = message or PointCloud2()
+    if not message.fields:
+        message.fields = _point_fields()
+    message.header = header
+    message.is_bigendian = False
+    message.point_step = POINT_STEP
+    points = _point_records(result, rotation)
+    if compact:
+        points = points[np.isfinite(result.depth)][None]
+    message.height, message.width = points.shape[:2]
+    message.row_step = POINT_STEP * message.width
+    message.is_dense = compact
+    np.copyto(_view(message, points.shape, np.float32), points)
+    return message
+
+
+def _point_fields():
+    from sensor_msgs.msg import PointField
+    return [PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+            for index, name in enumerate(('x', 'y', 'z', 'rgb'))]
+
+
+def _point_records(result, rotation):
+    """Return float32 (H, W, 4): x, y, z and the bits of the color."""
+    xyz = result.points()
+    if rotation is not None:
+        xyz = xyz @ rotation.T.astype(np.float32)
+    color = cv2.cvtColor(result.image, cv2.COLOR_RGB2BGRA).view(np.uint32)
+    color &= np.uint32(0x00FFFFFF)
+    return np.concatenate((xyz, color.view(np.float32)), axis=2)
+
+
+def disparity_message(result, header, message=None):
+    """
+    Return the disparities of a result as a stereo_msgs/DisparityImage.
+
+    Its convention is Z = f t / d, so cx_left - cx_right is taken from the pixels and from the
+    limits alike; unknown pixels lie 1 px below `min_disparity`.
+
+    Parameters
+    ----------
+    result : RangeResult
+    header : std_msgs.msg.Header
+    message : stereo_msgs.msg.DisparityImage, optional
+        A message to refill.
+
+    Returns
+    -------
+    message : stereo_msgs.msg.DisparityImage
+
+    """
+    from stereo_msgs.msg import DisparityImage
+    message = message or DisparityImage()
+    geometry, offset = result.geometry, result.geometry.principal_offset
+    lowest, highest = result.disparity_limits
+    message.header = header
+    message.f, message.t = float(geometry.focal_x), float(geometry.baseline)
+    message.min_disparity = float(lowest - offset)
+    message.max_disparity = float(highest - offset)
+    message.delta_d = _disparity_step(result)
+    _fill_valid_window(message.valid_window, result)
+    shifted = result.disparity - np.float32(offset)
+    # the limits are rounded to float32 by the message: keep the last ulp of a match inside them
+    np.clip(shifted, np.float32(message.min_disparity), np.float32(message.max_disparity),
+            out=shifted)
+    shifted[np.isnan(shifted)] = np.float32(message.min_disparity - 1.0)
+    image_message(shifted, '32FC1', header, message.image)
+    return message
+
+
+def _disparity_step(result):
+    """Return the smallest step that the disparities resolve: their median deviation, px."""
+    known = result.disparity_std[::4, ::4]
+    known = known[np.isfinite(known)]
+    return float(np.median(known)) if known.size else 1.0
+
+
+def _fill_valid_window(window, result):
+    """Set the columns whose partner can lie inside the right image: 0 <= x - d <= width - 1."""
+    width, height = result.geometry.width, result.geometry.height
+    lowest, highest = result.disparity_limits
+    first = int(np.clip(np.floor(lowest), 0, width))
+    beyond = int(np.clip(np.ceil(width + highest), first, width))
+    window.x_offset, window.width = first, beyond - first
+    window.y_offset, window.height = 0, height
+    window.do_rectify = False

@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages to arrays and back, bit for bit."""
+
+from array import array
+import dataclasses
+
+from color_stereo_ros.core.types import ImageError, RangeResult, RectifiedGeometry, Status
+from color_stereo_ros.nodes import messages
+
+import numpy as np
+
+import pytest
+
+from sensor_msgs.msg import Image, PointField
+
+from std_msgs.msg import Header
+
+HEADER = Header(frame_id='left_camera_optical')
+BAYER = {'rggb': 'RGGB', 'bggr': 'BGGR', 'gbrg': 'GBRG', 'grbg': 'GRBG'}
+
+
+def raw_message(encoding, pixels, padding=0, **changes):
+    """Return an image message around an array (H, W, bytes per pixel)."""
+    height, width = pixels.shape[:2]
+    rows = np.full((height, pixels[0].nbytes + padding), 0xAB, np.uint8)
+    rows[:, :pixels[0].nbytes] = pixels.view(np.uint8).reshape(height, -1)
+    msg = Image(header=HEADER, height=height, width=width, encoding=encoding,
+                step=rows.shape[1], data=array('B', rows.tobytes()))
+    for name, value in changes.items():
+        setattr(msg, name, value)
+    return msg
+
+
+def picture(height=6, width=8, seed=1):
+    """Return a random RGB image."""
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), np.uint8)
+
+
+def in_encoding(rgb, encoding):
+    """Return the bytes of an RGB image in one of the plain encodings."""
+    alpha = np.full((*rgb.shape[:2], 1), 77, np.uint8)
+    order = rgb if encoding.startswith('rgb') else rgb[..., ::-1]
+    return np.concatenate((order, alpha), axis=2) if 'a' in encoding else order.copy()
+
+
+@pytest.mark.parametrize('bigendian', [0, 1])
+@pytest.mark.parametrize('padding', [0, 5])
+@pytest.mark.parametrize('encoding', ['rgb8', 'bgr8', 'rgba8', 'bgra8'])
+def test_plain_encodings_become_rgb(encoding, padding, bigendian):
+    rgb = picture()
+    msg = raw_message(encoding, in_encoding(rgb, encoding), padding, is_bigendian=bigendian)
+    image = messages.image_to_rgb(msg)
+    np.testing.assert_array_equal(image, rgb)
+    assert image.flags.c_contiguous
+
+
+def test_rgb8_without_padding_is_not_copied():
+    msg = raw_message('rgb8', picture())
+    assert np.shares_memory(messages.image_to_rgb(msg), np.frombuffer(msg.data, np.uint8))
+
+
+def mosaic_of(color, pattern, size=(6, 8)):
+    """Return the mosaic that a sensor of this pattern sees of a uniform color."""
+    values = {name: value for name, value in zip('RGB', color)}
+    mosaic = np.empty((*size, 1), np.uint8)
+    for index, name in enumerate(pattern):
+        mosaic[index // 2::2, index % 2::2] = values[name]
+    return mosaic
+
+
+@pytest.mark.parametrize('padding', [0, 3])
+@pytest.mark.parametrize('name', BAYER)
+def test_bayer_images_of_a_uniform_color_have_that_color(name, padding):
+    color = (200, 90, 30)
+    msg = raw_message(f'bayer_{name}8', mosaic_of(color, BAYER[name]), padding)
+    np.testing.assert_array_equal(messages.image_to_rgb(msg), np.full((6, 8, 3), color))
+
+
+@pytest.mark.parametrize('bigendian', [0, 1])
+@pytest.mark.parametrize('name', BAYER)
+def test_bayer_images_of_16_bits_give_their_high_byte(name, bigendian):
+    color = (200, 90, 30)
+    high = mosaic_of(color, BAYER[name])
+    low = np.full_like(high, 0x55)
+    pair = (high, low) if bigendian else (low, high)
+    msg = raw_message(f'bayer_{name}16', np.concatenate(pair, axis=2), is_bigendian=bigendian)
+    np.testing.assert_array_equal(messages.image_to_rgb(msg), np.full((6, 8, 3), color))
+
+
+@pytest.mark.parametrize('encoding, reason', [
+    ('mono8', 'has no color'), ('mono16', 'has no color'), ('32FC1', 'has no color'),
+    ('8UC3', 'does not tell the order'), ('', 'is empty'), ('yuv422', 'is not supported'),
+    ('RGB8', 'is not supported'), ('bayer_rggb', 'is not supported'),
+    ('bayer_rggb168', 'is not supported')])
+def test_other_encodings_are_refused_by_name(encoding, reason):
+    msg = raw_message(encoding, picture())
+    with pytest.raises(ImageError, match=f'encoding = {encoding!r} {reason}.*rgb8, bgr8'):
+        messages.image_to_rgb(msg)
+
+
+@pytest.mark.parametrize('changes, reason', [
+    ({'step': 23}, 'step = 23 bytes is too small for width = 8 px of rgb8.* at least 24'),
+    ({'step': 0}, 'step = 0 bytes is too small'),
+    ({'height': 0}, 'is empty: width = 8 px, height = 0 px'),
+    ({'width': 0}, 'is empty: width = 0 px'),
+    ({'width': 2**32 - 1}, 'is too large: width = 4294967295 px'),
+    ({'height': 7}, 'truncated: 144 bytes, expected height .* = 168'),
+    ({'height': 5}, 'too long: 144 bytes, expected height .* = 120'),
+    ({'data': array('B')}, 'truncated: 0 bytes'),
+    ({'step': 2**32 - 1}, 'truncated: 144 bytes')])
+def test_impossible_layouts_are_refused_with_their_values(changes, reason):
+    with pytest.raises(ImageError, match=reason):
+        messages.image_to_rgb(raw_message('rgb8', picture(), **changes))
+
+
+def test_a_bayer_image_without_neighbors_is_refused():
+    with pytest.raises(ImageError, match='2 x 2 px is too small for bayer_rggb8'):
+        messages.image_to_rgb(raw_message('bayer_rggb8', np.zeros((2, 2, 1), np.uint8)))
+
+
+@pytest.mark.parametrize('encoding, dtype, channels', [
+    ('rgb8', np.uint8, 3), ('bgr8', np.uint8, 3), ('mono8', np.uint8, 1),
+    ('16UC1', np.uint16, 1), ('32FC1', np.float32, 1)])
+def test_an_image_message_holds_the_bytes_of_the_array(encoding, dtype, channels):
+    shape = (4, 5, 3) if channels == 3 else (4, 5)
+    image = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+    msg = messages.image_message(image, encoding, HEADER)
+    assert (msg.height, msg.width, msg.encoding) == (4, 5, encoding)
+    assert msg.step == 5 * channels * np.dtype(dtype).itemsize
+    assert bytes(msg.data) == image.tobytes()
+    assert msg.header.frame_id == HEADER.frame_id
+
+
+def test_an_image_of_the_wrong_type_is_refused():
+    with pytest.raises(ImageError, match='type float64 and shape .4, 5. is no 32FC1'):
+        messages.image_message(np.zeros((4, 5)), '32FC1', HEADER)
+
+
+def test_a_refilled_message_keeps_its_memory_and_takes_a_new_size():
+    first = messages.image_message(np.zeros((4, 5), np.uint8), 'mono8', HEADER)
+    memory = first.data
+    again = messages.image_message(np.full((4, 5), 9, np.uint8), 'mono8', HEADER, first)
+    assert again is first and again.data is memory and set(memory) == {9}
+    messages.image_message(np.full((2, 3), 8, np.uint8), 'mono8', HEADER, first)
+    assert bytes(first.data) == b'\x08' * 6
+
+
+def test_depth_in_millimeters_has_zero_for_unknown_and_too_far():
+    depth = np.array([[0.3456, np.nan, 65.535, 65.6]], np.float32)
+    assert messages.millimeters(depth).tolist() == [[346, 0, 65535, 0]]
+
+
+GEOMETRY = RectifiedGeometry(width=32, height=24, focal_x=40.0, focal_y=41.0, center_x_left=15.25,
+                             center_x_right=9.75, center_y=11.5, baseline=0.1)
+
+
+def known_result(unknown=((3, 4), (5, 6))):
+    """Return a result with a smooth depth, a verged rig and a few unknown pixels."""
+    v, u = np.mgrid[:24, :32]
+    depth = (0.4 + 0.002 * u + 0.001 * v).astype(np.float32)
+    disparity = (GEOMETRY.focal_baseline / depth + GEOMETRY.principal_offset).astype(np.float32)
+    status = np.zeros(depth.shape, np.uint8)
+    for row, column in unknown:
+        depth[row, column] = disparity[row, column] = np.nan
+        status[row, column] = Status.NO_MATCH
+    image = np.random.default_rng(2).integers(0, 256, (24, 32, 3), np.uint8)
+    limits = (GEOMETRY.focal_baseline / 0.6 + GEOMETRY.principal_offset,
+              GEOMETRY.focal_baseline / 0.35 + GEOMETRY.principal_offset)
+    deviation = np.where(status == 0, np.float32(0.125), np.float32(np.nan))
+    return RangeResult(disparity=disparity, depth=depth, confidence=np.ones_like(depth),
+                       status=status, disparity_std=deviation.astype(np.float32), image=image,
+                       geometry=GEOMETRY, disparity_limits=limits)
+
+
+def test_the_camera_info_is_the_rectified_left_camera():
+    msg = messages.camera_info_message(GEOMETRY, HEADER)
+    assert (msg.width, msg.height) == (32, 24)
+    np.testing.assert_array_equal(msg.p.reshape(3, 4), [
+        [40.0, 0, 15.25, 0], [0, 41.0, 11.5, 0], [0, 0, 1, 0]])
+    np.testing.assert_array_equal(msg.k.reshape(3, 3), msg.p.reshape(3, 4)[:, :3])
+    np.testing.assert_array_equal(msg.r.reshape(3, 3), np.eye(3))
+    assert list(msg.d) == [0.0] * 5 and msg.distortion_model == 'plumb_bob'
+
+
+def fields_of(msg):
+    """Return the points of a cloud as float32 (N, 4)."""
+    return np.frombuffer(msg.data, np.float32).reshape(-1, 4)
+
+
+def test_the_cloud_is_the_back_projection_with_p():
+    result = known_result()
+    cloud = messages.cloud_message(result, HEADER)
+    v, u = np.mgrid[:24, :32]
+    z = result.depth.astype(np.float64)
+    expected = np.stack(((u - 15.25) * z / 40.0, (v - 11.5) * z / 41.0, z), axis=-1)
+    np.testing.assert_allclose(fields_of(cloud)[:, :3].reshape(24, 32, 3), expected, rtol=1e-6)
+
+
+def test_the_organized_cloud_has_16_bytes_a_point_and_nan_for_unknown():
+    cloud = messages.cloud_message(known_result(), HEADER)
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (24, 32, 16, 512)
+    assert len(cloud.data) == 24 * 512
+    assert not cloud.is_dense and not cloud.is_bigendian
+    assert [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields] == [
+        (name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(('x', 'y', 'z', 'rgb'))]
+    assert np.isnan(fields_of(cloud)[3 * 32 + 4, :3]).all()
+    assert np.isnan(fields_of(cloud)[:, :3]).any(axis=1).sum() == 2
+
+
+def test_the_compact_cloud_holds_the_known_points_only():
+    result = known_result()
+    cloud = messages.cloud_message(result, HEADER, compact=True)
+    assert (cloud.height, cloud.width, cloud.row_step) == (1, 24 * 32 - 2, 16 * (24 * 32 - 2))
+    assert cloud.is_dense
+    known = np.isfinite(result.depth)
+    np.testing.assert_array_equal(fields_of(cloud)[:, :3], result.points()[known])
+
+
+def test_a_cloud_without_a_known_point_is_empty_when_compact():
+    everywhere = [(v, u) for v in range(24) for u in range(32)]
+    cloud = messages.cloud_message(known_result(everywhere), HEADER, compact=True)
+    assert (cloud.width, cloud.row_step, len(cloud.data)) == (0, 0, 0)
+
+
+def test_pure_red_is_the_bytes_0_0_255_0():
+    result = known_result()
+    result.image[:] = (255, 0, 0)
+    cloud = messages.cloud_message(result, HEADER)
+    assert bytes(cloud.data)[12:16] == b'\x00\x00\xff\x00'
+
+
+def test_the_color_of_a_point_is_the_color_of_its_pixel():
+    result = known_result()
+    data = np.frombuffer(messages.cloud_message(result, HEADER).data, np.uint8).reshape(-1, 16)
+    np.testing.assert_array_equal(data[:, 12:15], result.image[..., ::-1].reshape(-1, 3))
+    assert not data[:, 15].any()
+
+
+def test_a_rotation_turns_the_points_and_nothing_else():
+    result = known_result()
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    plain = fields_of(messages.cloud_message(result, HEADER))
+    turned = fields_of(messages.cloud_message(result, HEADER, rotation=quarter))
+    np.testing.assert_allclose(turned[:, 0], -plain[:, 1], rtol=1e-6)
+    np.testing.assert_allclose(turned[:, 1], plain[:, 0], rtol=1e-6)
+    np.testing.assert_array_equal(turned[:, 3].view(np.uint32), plain[:, 3].view(np.uint32))
+
+
+def disparities(msg):
+    """Return the pixels of a disparity message."""
+    return np.frombuffer(msg.image.data, np.float32).reshape(msg.image.height, msg.image.width)
+
+
+def test_the_disparity_message_gives_depth_by_its_own_convention():
+    result = known_result()
+    msg = messages.disparity_message(result, HEADER)
+    pixels = disparities(msg)
+    known = pixels >= msg.min_disparity
+    np.testing.assert_array_equal(known, np.isfinite(result.depth))
+    np.testing.assert_allclose(msg.f * msg.t / pixels[known], result.depth[known], rtol=1e-6)
+
+
+def test_unknown_disparities_lie_below_the_minimum_on_verged_rigs_too():
+    msg = messages.disparity_message(known_result(), HEADER)
+    pixels = disparities(msg)
+    assert (pixels < msg.min_disparity).sum() == 2
+    assert pixels.max() <= msg.max_disparity
+    np.testing.assert_allclose(msg.f * msg.t / msg.min_disparity, 0.6, rtol=1e-6)
+    np.testing.assert_allclose(msg.f * msg.t / msg.max_disparity, 0.35, rtol=1e-6)
+
+
+def test_the_valid_window_holds_the_columns_that_can_have_a_partner():
+    result = known_result()
+    window = messages.disparity_message(result, HEADER).valid_window
+    # a partner at x - d lies inside 0 .. 31 for d in 12.17 .. 16.93
+    assert (window.x_offset, window.width) == (12, 20)
+    assert (window.y_offset, window.height) == (0, 24)
+
+
+@pytest.mark.parametrize('limits, window', [((-20.0, -4.0), (0, 28)), ((-3.0, 5.0), (0, 32)),
+                                            ((4.5, 9.0), (4, 28))])
+def test_the_valid_window_follows_negative_disparities(limits, window):
+    result = dataclasses.replace(known_result(), disparity_limits=limits)
+    roi = messages.disparity_message(result, HEADER).valid_window
+    assert (roi.x_offset, roi.width) == window
+
+
+def test_the_disparity_step_is_the_resolution_of_the_frame():
+    assert messages.disparity_message(known_result(), HEADER).delta_d == pytest.approx(0.125)
+
+
+def test_the_disparity_image_is_a_32fc1_image_with_the_same_header():
+    msg = messages.disparity_message(known_result(), HEADER)
+    assert (msg.image.encoding, msg.image.step, msg.image.header) == ('32FC1', 128, msg.header)
+    assert (msg.f, msg.t) == (pytest.approx(40.0), pytest.approx(0.1))
