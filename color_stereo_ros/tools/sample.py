@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`color_stereo sample`: pack a pair of images, its truth and its settings into a sample."""
+
+SUMMARY = 'pack a scene folder into a sample: recording, truth and settings'
+
+RECORDING = 'recording'
+TRUTH = 'truth.npz'
+SETTINGS = 'settings.yaml'
+
+START_NS = 1_767_225_600_000_000_000
+"""The first stamp, 2026-01-01 00:00 UTC: fixed, so that a sample made again is the same."""
+
+
+def add_arguments(parser):
+    """Declare the arguments."""
+    from .arguments import add_settings_arguments
+    parser.add_argument('scene', help='folder with left.png right.png left.yaml right.yaml '
+                                      'truth.npz')
+    parser.add_argument('output', help='folder to fill')
+    parser.add_argument('--pairs', type=int, default=3, metavar='N',
+                        help='how often the pair is recorded (default 3)')
+    parser.add_argument('--period', type=float, default=0.5, metavar='S',
+                        help='time between two pairs, s (default 0.5)')
+    parser.add_argument('--overwrite', action='store_true', help='replace what is there')
+    add_settings_arguments(parser)
+
+
+def run(args):
+    """Write OUTPUT/recording, OUTPUT/truth.npz and OUTPUT/settings.yaml."""
+    from pathlib import Path
+
+    from ..core import SettingsError
+    from .arguments import given_settings, settings_from
+    if args.pairs < 1:
+        raise SettingsError(f'--pairs = {args.pairs} is outside 1 .. inf')
+    if not args.period > 0:
+        raise SettingsError(f'--period = {args.period} s is not larger than 0 s')
+    settings_from(args)
+    write_sample(Path(args.scene), Path(args.output), given_settings(args), args.pairs,
+                 args.period, args.overwrite)
+    print(f'{args.output}: {args.pairs} pairs, {_megabytes(args.output):.2f} MB')
+
+
+def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
+    """
+    Write a sample.
+
+    Parameters
+    ----------
+    scene : Path
+        Folder with left.png right.png left.yaml right.yaml truth.npz.
+    output : Path
+    values : dict
+        Flat names of settings to values: how this scene is to be measured.
+    pairs : int
+        How often the pair is recorded.
+    period : float
+        s between two pairs.
+    overwrite : bool
+
+    """
+    import numpy as np
+
+    from ..evaluation.datasets import load_folder
+    from .arguments import settings_yaml
+    from .files import write_text, written_whole
+    from .recording import write_recording
+    pair = load_folder(scene, values)
+    with write_recording(output / RECORDING, overwrite=overwrite) as writer:
+        for index in range(pairs):
+            writer.write_pair(START_NS + round(1e9 * index * period), pair.left, pair.right,
+                              pair.calibration)
+    with written_whole(output / TRUTH) as partial:
+        np.savez_compressed(partial, depth=pair.truth.depth,
+                            visible=pair.truth.visible)
+    write_text(output / SETTINGS, f'# How to measure the scene {scene.name}.\n'
+                                  + settings_yaml(values))
+
+
+def _megabytes(folder):
+    from pathlib import Path
+    return sum(path.stat().st_size for path in Path(folder).rglob('*') if path.is_file()) / 1e6
