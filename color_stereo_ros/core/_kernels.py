@@ -15,6 +15,7 @@ from numba import njit, prange
 COST_UNIT = 2.0      # stored cost per DN^2
 COST_CAP = 65535     # stored cost of colors that are entirely different
 FAR = 1.0e3          # color ratio that no lit pixel has
+UNKNOWN_COST = 2000  # stored cost of any color against an unusable left pixel
 NO_COST = 2 ** 31 - 1
 NO_INDEX = 2 ** 30
 
@@ -105,10 +106,13 @@ def _add_cost_row(colors, ratios_p, ratios_q, ring, sums):
         divisor = max(strongest, np.float32(1e-3))
         p = colors[x, (m + 1) % 3] / divisor
         q = colors[x, (m + 2) % 3] / divisor
+        least = half
+        if colors[x, 3] == 0:
+            least = np.float32(UNKNOWN_COST)
         for k in range(np.uint64(count)):
             e = ratios_p[m, base + k] - p
             f = ratios_q[m, base + k] - q
-            cost = np.int32(min(cap, weight * (e * e + f * f) + half))
+            cost = np.int32(min(cap, weight * (e * e + f * f) + least))
             sums[x, k] += cost - np.int32(ring[x, k])
             ring[x, k] = np.uint16(cost)
 
@@ -177,7 +181,7 @@ def _offer_to_right(total, low, high, base, right_cost, right_index):
 
 
 @njit(cache=True, nogil=True)
-def _search_row(sums, reach, low, high, total, right_cost, right_index, winner, costs):
+def _search_row(usable, sums, reach, low, high, total, right_cost, right_index, winner, costs):
     """
     Find the winner of each left pixel of one row.
 
@@ -194,6 +198,9 @@ def _search_row(sums, reach, low, high, total, right_cost, right_index, winner, 
             total[k] += sums[x, k]
     for x in range(width):
         _slide(sums, x, reach, total)
+        if usable[x, 3] == 0:
+            winner[x, 0] = -1
+            continue
         best, where = _best(total, low[x], high[x])
         _offer_to_right(total, low[x], high[x], width - 1 - x, right_cost, right_index)
         winner[x, 0] = where
@@ -202,7 +209,8 @@ def _search_row(sums, reach, low, high, total, right_cost, right_index, winner, 
         costs[x, 2] = total[min(where + 1, count - 1)]
         costs[x, 3] = _second(total, low[x], high[x], where)
     for x in range(width):
-        winner[x, 1] = right_index[width - 1 - x + winner[x, 0]]
+        if winner[x, 0] >= 0:
+            winner[x, 1] = right_index[width - 1 - x + winner[x, 0]]
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -233,5 +241,5 @@ def search(left, right, first, reach_x, reach_y, low, high, ring, sums, total, r
                 _drop_cost_row(ring[band, slot], sums[band])
             center = y - reach_y
             if center >= start:
-                _search_row(sums[band], reach_x, low[center], high[center], total[band],
+                _search_row(left[center], sums[band], reach_x, low[center], high[center], total[band],
                             right_cost[band], right_index[band], winner[center], costs[center])
