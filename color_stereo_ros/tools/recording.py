@@ -85,6 +85,8 @@ class Recording:
         """Topic names to type names."""
         self.counts = {item.topic: item.msgcount for item in self._reader.connections}
         """Topic names to numbers of messages."""
+        self.latched = {item.topic for item in self._reader.connections if _is_latched(item)}
+        """Names of the topics that were transient local."""
 
     def __enter__(self):
         return self
@@ -184,6 +186,11 @@ class Recording:
         except Exception as error:
             raise RecordingError(f'{self.path}: damaged or only half written: '
                                  f'{error or type(error).__name__}') from error
+
+
+def _is_latched(connection):
+    profiles = connection.ext.offered_qos_profiles
+    return any(profile.durability.name == 'TRANSIENT_LOCAL' for profile in profiles)
 
 
 def typestore():

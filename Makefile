@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+# Every target sets up what it needs in .venv, once.
+
+PYTHON_RUN := .venv/bin/python
+COLOR_STEREO := .venv/bin/color_stereo
+
+# Nothing that runs here is meant to be seen by, or to see, another machine.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+
+.PHONY: help demo test bench evaluate floor clean
+
+help:  ## show this list
+	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
+
+demo:  ## play the sample recordings through both nodes, show what comes out in demo_output/
+	@.ci/setup ros,tools
+	@$(COLOR_STEREO) demo
+
+test:  ## run all tests, the colcon build included
+	@.ci/setup ros,tools,sim,test
+	@$(PYTHON_RUN) -m pytest
+
+bench:  ## measure times, beside OpenCV's matchers
+	@.ci/setup ros,tools
+	@$(COLOR_STEREO) bench
+
+evaluate:  ## the paper's experiments on the simulated rig, as a report in evaluation_output/
+	@.ci/setup ros,tools,sim
+	@$(COLOR_STEREO) evaluate
+
+floor:  ## run the tests of the core on the oldest versions that are supported
+	@python=$$(.ci/python 3.12) && \
+	  { [ -x .venv-floor/bin/python ] || "$$python" -m venv .venv-floor; } && \
+	  .venv-floor/bin/python -m pip install -q -r test/floor-requirements.txt && \
+	  .venv-floor/bin/python -m pytest -p no:cacheprovider
+
+clean:  ## remove everything that the other targets made
+	rm -rf .venv .venv-floor build install log demo_output evaluation_output bench_output \
+	  render_output .pytest_cache .numba_cache *.egg-info
+	find color_stereo_ros test -name __pycache__ -prune -exec rm -rf {} +
