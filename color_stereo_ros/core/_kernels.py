@@ -63,6 +63,49 @@ def correct_colors(image, inside, dark, gains, min_signal, saturation, zero_weak
                 corrected[y, x, 3] = np.float32(1.0)
 
 
+@njit(cache=True, nogil=True)
+def average_spots(image, inside, dark, min_signal, saturation, step, size, colors, lit):
+    """
+    Average small squares of an image on a coarse grid.
+
+    Writes colors (rows, columns, 3), above the dark level, and lit (rows, columns): all pixels
+    of the square lie inside the raw image and are neither dark nor saturated.
+
+    """
+    rows, columns = lit.shape
+    share = np.float32(1.0 / (size * size))
+    for row in range(rows):
+        for column in range(columns):
+            red, green, blue = 0, 0, 0
+            usable = True
+            for y in range(row * step, row * step + size):
+                for x in range(column * step, column * step + size):
+                    r, g, b = image[y, x, 0], image[y, x, 1], image[y, x, 2]
+                    red += r
+                    green += g
+                    blue += b
+                    strongest = max(r - dark[0], g - dark[1], b - dark[2])
+                    usable &= inside[y, x] and strongest >= min_signal
+                    usable &= max(r, g, b) < saturation
+            colors[row, column, 0] = red * share - dark[0]
+            colors[row, column, 1] = green * share - dark[1]
+            colors[row, column, 2] = blue * share - dark[2]
+            lit[row, column] = usable
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def normalize(colors, reason):
+    """Divide smoothed colors (H, W, 4) by their smoothed weight; zeros where not usable."""
+    height, width = reason.shape
+    for y in prange(height):
+        for x in range(width):
+            factor = np.float32(0.0)
+            if reason[y, x] == 0:
+                factor = np.float32(1.0) / colors[y, x, 3]
+            for channel in range(4):
+                colors[y, x, channel] *= factor
+
+
 @njit(cache=True, nogil=True, error_model='numpy')
 def _fill_right_row(colors, first, ratios_p, ratios_q):
     """Write the ratios to each component of one right row, reversed and padded, (3, W + D - 1)."""

@@ -7,14 +7,22 @@ import numpy as np
 from . import _kernels
 from .types import Status
 
-BRIGHTNESS = 255.0  # lambda of the paper: the sum of the components after scaling
-ESTIMATE = -1.0     # value of color.dark_level that asks for an estimate
-SAMPLE_STEP = 4     # every fourth row and column is enough for a statistic
+BRIGHTNESS = 255.0   # lambda of the paper: the sum of the components after scaling
+ESTIMATE = -1.0      # value of color.dark_level that asks for an estimate
+DARK_PERCENTILE = 2.0
+SPOT_STEP = 8        # px, statistics look at one spot of so many rows and columns
+SPOT_SIZE = 4        # px, rows and columns of a spot
+SPOT_DISTANCE = 2    # steps between the two spots whose brightnesses are compared
+GAIN_ITERATIONS = 4
+MIN_GAIN_SAMPLES = 50
+# Differences between the cameras' log gains: below the first they are taken for an error of the
+# estimate (two cameras of one type), above the second for real; in between part of them counts.
+CAMERA_DIFFERENCE = (0.20, 0.35)
 
 
 class ColorCorrection:
     """
-    Makes the colors of one camera comparable with those of another.
+    Makes the colors of the two cameras comparable.
 
     Parameters
     ----------
@@ -26,27 +34,49 @@ class ColorCorrection:
         """Keep the settings."""
         self._settings = settings
 
-    def correct(self, image, inside):
+    def correct(self, pair):
         """
-        Correct one rectified image.
+        Correct both images of a pair.
 
         Parameters
         ----------
-        image : numpy.ndarray, uint8, shape (H, W, 3)
-            RGB.
-        inside : numpy.ndarray, bool, shape (H, W)
+        pair : RectifiedPair
 
         Returns
         -------
-        colors : numpy.ndarray, float32, shape (H, W, 4)
-            Corrected components, and 1; all 0 where a pixel cannot be used.
-        reason : numpy.ndarray, uint8, shape (H, W)
-            Status.VALID, or why the pixel cannot be used.
+        left, right : (numpy.ndarray, numpy.ndarray)
+            Colors, float32 (H, W, 4): corrected components and 1, or four zeros where a pixel
+            cannot be used; and reason, uint8 (H, W): Status.VALID or why it cannot.
 
         """
+        views = [(pair.left, pair.left_inside), (pair.right, pair.right_inside)]
+        darks = [self._dark_level(*view) for view in views]
+        gains = self._gains(views, darks)
+        return tuple(self._corrected(*view, dark, gain)
+                     for view, dark, gain in zip(views, darks, gains))
+
+    def _dark_level(self, image, inside):
+        """Return the signal without light of each channel, float32 (3,), DN."""
+        if self._settings.dark_level != ESTIMATE:
+            return np.full(3, self._settings.dark_level, np.float32)
+        return estimated_dark_level(image, inside)
+
+    def _gains(self, views, darks):
+        """Return the channel gains of both cameras, float32 (3,) each."""
         settings = self._settings
-        dark = self.dark_level(image, inside)
-        gains = self.channel_gains(image, inside, dark)
+        if not settings.equalize:
+            return np.ones((2, 3), np.float32)
+        samples = [brightness_samples(*view, dark, settings) for view, dark in zip(views, darks)]
+        if settings.equalize_cameras == 'separate':
+            return [equal_brightness_gains(*sample) for sample in samples]
+        shared = equal_brightness_gains(*(np.concatenate(part) for part in zip(*samples)))
+        if settings.equalize_cameras == 'shared':
+            return shared, shared
+        return split_gains(shared, *(equal_brightness_gains(*sample) for sample in samples))
+
+    def _corrected(self, image, inside, dark, gains):
+        """Return corrected colors (H, W, 4) and reasons (H, W) of one image."""
+        settings = self._settings
         colors = np.empty((*inside.shape, 4), np.float32)
         reason = np.empty(inside.shape, np.uint8)
         _kernels.correct_colors(
@@ -54,18 +84,6 @@ class ColorCorrection:
             settings.saturation_level, settings.zero_weakest,
             np.float32(BRIGHTNESS if settings.scale else 0.0), colors, reason)
         return smoothed(colors, reason, settings.smoothing), reason
-
-    def dark_level(self, image, inside):
-        """Return the signal without light of each channel, float32 (3,), DN."""
-        if self._settings.dark_level != ESTIMATE:
-            return np.full(3, self._settings.dark_level, np.float32)
-        return estimated_dark_level(image, inside)
-
-    def channel_gains(self, image, inside, dark):
-        """Return the factor that equalizes each channel, float32 (3,)."""
-        if not self._settings.equalize:
-            return np.ones(3, np.float32)
-        return estimated_gains(image, inside, dark, self._settings)
 
 
 def estimated_dark_level(image, inside):
@@ -75,27 +93,101 @@ def estimated_dark_level(image, inside):
     Where one component of the pattern is zero, and in shadows, a camera shows its dark level.
 
     """
-    sample = image[::SAMPLE_STEP, ::SAMPLE_STEP][inside[::SAMPLE_STEP, ::SAMPLE_STEP]]
+    sample = image[::SPOT_STEP, ::SPOT_STEP][inside[::SPOT_STEP, ::SPOT_STEP]]
     if sample.size == 0:
         return np.zeros(3, np.float32)
-    return np.percentile(sample, 2.0, axis=0).astype(np.float32)
+    return np.percentile(sample, DARK_PERCENTILE, axis=0).astype(np.float32)
 
 
-def estimated_gains(image, inside, dark, settings):
+def brightness_samples(image, inside, dark, settings):
     """
-    Return the factors that make the channels equally strong over the image, float32 (3,).
+    Return pairs of colors of neighboring lit spots.
 
-    The patterns spend the same light on each component, so that a weaker channel is a less
-    sensitive one.
+    Parameters
+    ----------
+    image : numpy.ndarray, uint8, shape (H, W, 3)
+    inside : numpy.ndarray, bool, shape (H, W)
+    dark : numpy.ndarray, float32, shape (3,)
+        DN.
+    settings : ColorSettings
+
+    Returns
+    -------
+    first, second : numpy.ndarray, float32, shape (n, 3)
+        DN above the dark level; the spots are two SPOT_STEPs apart in a row or a column.
 
     """
-    sample = image[::SAMPLE_STEP, ::SAMPLE_STEP][inside[::SAMPLE_STEP, ::SAMPLE_STEP]] - dark
-    strongest = sample.max(axis=1, initial=0.0)
-    lit = (strongest >= settings.min_signal) & (strongest < settings.saturation_level - dark.max())
-    if not lit.any():
-        return np.ones(3, np.float32)
-    means = np.maximum(sample[lit].mean(axis=0), 1e-3)
-    return (means.max() / means).astype(np.float32)
+    rows, columns = (size // SPOT_STEP for size in inside.shape)
+    colors = np.empty((rows, columns, 3), np.float32)
+    lit = np.empty((rows, columns), np.bool_)
+    _kernels.average_spots(image, inside, dark, np.float32(settings.min_signal),
+                           settings.saturation_level, SPOT_STEP, SPOT_SIZE, colors, lit)
+    step = SPOT_DISTANCE
+    in_row = lit[:, step:] & lit[:, :-step]
+    in_column = lit[step:] & lit[:-step]
+    return (np.concatenate((colors[:, step:][in_row], colors[step:][in_column])),
+            np.concatenate((colors[:, :-step][in_row], colors[:-step][in_column])))
+
+
+def equal_brightness_gains(first, second):
+    """
+    Return the channel gains that make the brightness of neighboring spots most alike.
+
+    The pattern has uniform brightness (paper, fig. 2.2 right), so that the sum of equalized
+    channels changes slowly over the image while the hue changes. Edges of objects scale whole
+    colors and favor no gain.
+
+    Parameters
+    ----------
+    first, second : numpy.ndarray, float32, shape (n, 3)
+        Colors of neighboring spots, DN above the dark level.
+
+    Returns
+    -------
+    gains : numpy.ndarray, float32, shape (3,)
+        The smallest is 1; all are 1 if the samples do not tell.
+
+    """
+    gains = np.ones(3, np.float32)
+    if len(first) < MIN_GAIN_SAMPLES:
+        return gains
+    difference, total = first - second, first + second
+    for _ in range(GAIN_ITERATIONS):
+        brightness = np.maximum(total @ gains, 1e-3)
+        contrast = difference @ gains / brightness
+        scale = 1.5 * np.median(np.abs(contrast)) + 1e-6
+        # Cauchy weights; division by the brightness compares relative differences.
+        weights = 1.0 / ((1.0 + (contrast / scale) ** 2) * brightness ** 2)
+        unlike = (difference * weights[:, None]).T @ difference
+        alike = (total * weights[:, None]).T @ total
+        gains = _smallest_ratio(unlike, alike)
+        if gains.min() <= 0:
+            return np.ones(3, np.float32)
+        gains = (gains / gains.min()).astype(np.float32)
+    return gains
+
+
+def _smallest_ratio(above, below):
+    """Return the vector g that minimizes (g above g) / (g below g), its sum positive."""
+    ridge = 1e-9 * np.trace(below) * np.eye(3)
+    root = np.linalg.inv(np.linalg.cholesky(below + ridge))
+    vector = root.T @ np.linalg.eigh(root @ above @ root.T)[1][:, 0]
+    return vector * np.sign(vector.sum())
+
+
+def split_gains(shared, left, right):
+    """
+    Return gains of both cameras that differ only where the two estimates differ for certain.
+
+    Matching suffers from a difference between the cameras, not from an error that they share.
+
+    """
+    difference = np.log(left / right)
+    difference -= np.median(difference)
+    low, high = CAMERA_DIFFERENCE
+    share = np.clip((np.abs(difference) - low) / (high - low), 0.0, 1.0)
+    half = np.exp(0.5 * share * difference)
+    return (shared * half).astype(np.float32), (shared / half).astype(np.float32)
 
 
 def smoothed(colors, reason, deviation):
@@ -103,7 +195,5 @@ def smoothed(colors, reason, deviation):
     if deviation == 0:
         return colors
     blurred = cv2.GaussianBlur(colors, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
-    weight = np.maximum(blurred[..., 3:], np.float32(1e-6))
-    blurred[..., :3] /= weight
-    blurred[reason != Status.VALID] = 0
+    _kernels.normalize(blurred, reason)
     return blurred

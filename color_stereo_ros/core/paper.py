@@ -45,8 +45,7 @@ class PaperMatcher:
         match : Match
 
         """
-        left, left_reason = self._correction.correct(pair.left, pair.left_inside)
-        right, _ = self._correction.correct(pair.right, pair.right_inside)
+        (left, left_reason), (right, _) = self._correction.correct(pair)
         winner, costs = self._search(left, right)
         return self._judged(winner, costs, left_reason, right)
 

@@ -103,6 +103,10 @@ class ColorSettings(Group):
         unit='DN', minimum=0.0, maximum=255.0)
     equalize: bool = setting(
         True, 'paper method: equalize the channels of each camera before anything else')
+    equalize_cameras: str = setting(
+        'automatic', 'paper method: separate: each camera has gains of its own; shared: two '
+        'cameras of one type, the same gains for both (most precise); automatic: shared unless '
+        'they differ by more than a third', choices=('automatic', 'shared', 'separate'))
     zero_weakest: bool = setting(
         True, 'paper method: set the weakest component to zero (right for sweep, bright_sweep '
         'and hue_field, where one component is always zero)')
