@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Light transport: what of each projector pixel's light reaches each camera pixel.
+
+Direct light is sampled once per scene: every sample of a camera pixel remembers where it lies in
+the projected image and how bright a white pattern would make it. A new pattern is then a table
+look-up. Light that bounces is path-traced for each pattern and smoothed along the surfaces.
+
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+import tempfile
+
+import numpy as np
+
+from ._kernels import project_pattern, smooth_on_surfaces
+from .geometry import distort, undistort
+from .materials import bsdf
+from .projection import pattern_light, pattern_stack, projector_coordinates
+from .shapes import mitsuba_shapes
+from .variant import load_mitsuba
+
+SMOOTHING_RADIUS = 6      # px, window of the indirect light
+SMOOTHING_SPREAD = 0.002  # m from the tangent plane
+FIREFLY_LIMIT = 8.0       # indirect light of one sample, times the mean direct light
+
+
+@dataclass(frozen=True, eq=False)
+class DirectLight:
+    """Samples of one camera that the projector lights directly, and the pixels' surfaces."""
+
+    column: np.ndarray
+    """float32 (N,), pattern column as a share of the width, 0..1."""
+    row: np.ndarray
+    """float32 (N,), pattern row relative to the optical axis, in widths."""
+    depth: np.ndarray
+    """float32 (N,), m along the axis of the projector."""
+    weight: np.ndarray
+    """float32 (N, 3), share of a pixel's radiance per unit of projected light."""
+    pixel: np.ndarray
+    """int32 (N,), flat index of the camera pixel."""
+    albedo: np.ndarray
+    """float32 (H, W, 3), mean albedo."""
+    normal: np.ndarray
+    """float32 (H, W, 3), mean normal, scene frame; 0 = background."""
+    position: np.ndarray
+    """float32 (H, W, 3), mean position, m, scene frame."""
+    ambient: np.ndarray
+    """float32 (H, W, 3), radiance that surroundings of radiance 1 cause; empty = none."""
+
+
+class World:
+    """A scene in Mitsuba's memory."""
+
+    def __init__(self, scene):
+        self.mitsuba = load_mitsuba()
+        self.scene = scene
+        with tempfile.TemporaryDirectory() as folder:
+            self.shapes = self._shapes(Path(folder))
+        self.bare = self.mitsuba.load_dict({'type': 'scene', **self.shapes})
+
+    def _shapes(self, folder):
+        shapes = {}
+        for index, thing in enumerate(self.scene.objects):
+            material = self.mitsuba.load_dict(bsdf(self.mitsuba, thing.material))
+            for part, shape in enumerate(mitsuba_shapes(self.mitsuba, thing, folder)):
+                shapes[f'object_{index}_{part}'] = self.mitsuba.load_dict(
+                    {**shape, 'bsdf': material})
+        return shapes
+
+    def lit_by(self, emitter):
+        """Return the Mitsuba scene with one light."""
+        return self.mitsuba.load_dict({'type': 'scene', **self.shapes, 'light': emitter})
+
+    def transform(self, pose):
+        """Return Mitsuba's transform of a camera or projector: its x points left, its y up."""
+        matrix = pose.matrix @ np.diag([-1.0, -1.0, 1.0, 1.0])
+        return self.mitsuba.ScalarTransform4f(matrix.tolist())
+
+    def white_point(self):
+        """Return a point light at the projector."""
+        position = self.scene.rig.projector.pose.position
+        return {'type': 'point', 'position': position.tolist(),
+                'intensity': {'type': 'rgb', 'value': [1.0, 1.0, 1.0]}}
+
+    def pattern_projector(self, light):
+        """Return Mitsuba's projector that throws linear light, float32 (H, W, 3)."""
+        projector = self.scene.rig.projector
+        height, width = light.shape[:2]
+        bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(light, np.float32))
+        # Mitsuba scales a projector's irradiance so that 1 means 1 on a plane at distance 1.
+        return {'type': 'projector', 'fov': projector.field_of_view, 'fov_axis': 'x',
+                'irradiance': {'type': 'bitmap', 'bitmap': bitmap, 'raw': True,
+                               'filter_type': 'bilinear', 'wrap_mode': 'clamp'},
+                'scale': projector.power, 'to_world': self.transform(projector.pose)}
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A pinhole field of square sub-pixels that covers everything a (distorted) camera sees."""
+
+    columns: int
+    rows: int
+    pitch: float
+    """Side of a sub-pixel in normalized image coordinates."""
+
+    @classmethod
+    def of(cls, camera, samples):
+        """Return the field with `samples` x `samples` sub-pixels in each pixel of a camera."""
+        edge = _border(camera)
+        rays = undistort(edge, camera.K, camera.distortion_model, camera.D)
+        reach = np.abs(rays).max(axis=0)
+        pitch = 1.0 / (max(camera.K[0, 0], camera.K[1, 1]) * samples)
+        # A shade less than a whole number of sub-pixels must not add another one.
+        columns, rows = (2 * np.ceil(reach / pitch - 1e-6)).astype(int)
+        return cls(int(columns), int(rows), pitch)
+
+    def sensor(self, world, pose):
+        """Return Mitsuba's description of the camera at a pose, one sample per sub-pixel."""
+        half = self.columns / 2 * self.pitch
+        return world.mitsuba.load_dict({
+            'type': 'perspective', 'fov': float(np.degrees(2 * np.arctan(half))),
+            'fov_axis': 'x', 'near_clip': 1e-3, 'far_clip': 1e3,
+            'to_world': world.transform(pose),
+            'sampler': {'type': 'independent', 'sample_count': 1},
+            'film': {'type': 'hdrfilm', 'width': self.columns, 'height': self.rows,
+                     'pixel_format': 'rgb', 'component_format': 'float32',
+                     'rfilter': {'type': 'box'}}})
+
+    def centers(self):
+        """Return the normalized coordinates of the sub-pixels, float64 (rows * columns, 2)."""
+        x = (np.arange(self.columns) + 0.5 - self.columns / 2) * self.pitch
+        y = (np.arange(self.rows) + 0.5 - self.rows / 2) * self.pitch
+        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _border(camera):
+    """Return points along the outer edge of a raw image, float64 (N, 2), px."""
+    left, top, right, bottom = -0.5, -0.5, camera.width - 0.5, camera.height - 0.5
+    x, y = np.linspace(left, right, 101), np.linspace(top, bottom, 101)
+    return np.concatenate([np.column_stack([x, np.full(101, top)]),
+                           np.column_stack([x, np.full(101, bottom)]),
+                           np.column_stack([np.full(101, left), y]),
+                           np.column_stack([np.full(101, right), y])])
+
+
+def pixel_index(camera, rays):
+    """Return the flat pixel that each normalized ray (N, 2) falls into, -1 = outside."""
+    # Beyond the corners a distortion polynomial may fold back into the image.
+    reach = np.abs(undistort(_border(camera), camera.K, camera.distortion_model, camera.D))
+    regular = (np.abs(rays) <= 1.001 * reach.max(axis=0)).all(axis=1)
+    points = distort(rays, camera.distortion_model, camera.D)
+    column = np.floor(points[:, 0] * camera.K[0, 0] + camera.K[0, 2] + 0.5)
+    row = np.floor(points[:, 1] * camera.K[1, 1] + camera.K[1, 2] + 0.5)
+    inside = (regular & (column >= 0) & (column < camera.width)
+              & (row >= 0) & (row < camera.height))
+    index = np.full(len(rays), -1, np.int32)
+    index[inside] = (row * camera.width + column)[inside]
+    return index
+
+
+def _averaged(values, pixel, camera):
+    """Return the mean of the samples (N, C) of every pixel, float64 (H * W, C)."""
+    count = np.bincount(pixel, minlength=camera.width * camera.height)
+    total = np.stack([np.bincount(pixel, values[:, channel], count.size)
+                      for channel in range(values.shape[1])], axis=-1)
+    return total / np.maximum(count, 1)[:, None]
+
+
+def _render(world, lit, view, pose, integrator, seed):
+    """Return the channels of every sub-pixel, float32 (N, C)."""
+    image = world.mitsuba.render(
+        lit, sensor=view.sensor(world, pose), spp=1, seed=seed,
+        integrator=world.mitsuba.load_dict(integrator))
+    return np.array(image).reshape(view.rows * view.columns, -1)
+
+
+def sample_direct(world, camera, samples, seed, with_ambient):
+    """
+    Sample the direct light of one camera.
+
+    Parameters
+    ----------
+    world : World
+    camera : Camera
+    samples : int
+        Samples per pixel along either axis.
+    seed : int
+    with_ambient : bool
+
+    Returns
+    -------
+    light : DirectLight
+
+    """
+    view = View.of(camera, samples)
+    lit = world.lit_by(world.white_point())
+    values = _render(world, lit, view, camera.pose, {
+        'type': 'aov', 'aovs': 'p:position,a:albedo,n:sh_normal',
+        'light': {'type': 'direct', 'hide_emitters': True}}, seed)
+    radiance, position, albedo, normal = np.split(values[:, :12], 4, axis=1)
+    hit = np.any(normal != 0, axis=1)
+    rays = view.centers()
+    local = camera.pose.to_child(position[hit].astype(np.float64))
+    rays[hit] = local[:, :2] / local[:, 2:]
+    pixel = pixel_index(camera, rays)
+    seen = pixel >= 0
+    surfaces = _averaged(np.column_stack([albedo, normal, position])[seen], pixel[seen], camera)
+    surfaces = surfaces.reshape(*camera.shape, 9).astype(np.float32)
+    count = np.bincount(pixel[seen], minlength=camera.width * camera.height)
+    column, row, depth, falloff = projector_coordinates(world.scene.rig.projector, position)
+    lit = seen & hit & (falloff > 0) & (radiance.max(axis=1) > 0) & (np.abs(column - 0.5) <= 0.5)
+    share = (falloff / np.maximum(count[np.maximum(pixel, 0)], 1))[lit]
+    return DirectLight(
+        column=column[lit].astype(np.float32), row=row[lit].astype(np.float32),
+        depth=depth[lit].astype(np.float32),
+        weight=(radiance[lit] * share[:, None]).astype(np.float32), pixel=pixel[lit],
+        albedo=surfaces[..., :3], normal=surfaces[..., 3:6], position=surfaces[..., 6:],
+        ambient=_ambient(world, camera, view, pixel, seed, surfaces) if with_ambient
+        else np.empty(0, np.float32))
+
+
+def _ambient(world, camera, view, pixel, seed, surfaces):
+    """Return the radiance that uniform surroundings of radiance 1 cause, float32 (H, W, 3)."""
+    lit = world.lit_by({'type': 'constant', 'radiance': {'type': 'rgb', 'value': 1.0}})
+    values = _render(world, lit, view, camera.pose, {
+        'type': 'path', 'max_depth': world.scene.bounces + 1, 'hide_emitters': True}, seed + 1)
+    return _on_surfaces(values[:, :3], pixel, camera, surfaces)
+
+
+def _on_surfaces(radiance, pixel, camera, surfaces):
+    """Average samples over pixels and smooth them along surfaces, texture apart."""
+    seen = pixel >= 0
+    image = _averaged(radiance[seen].astype(np.float64), pixel[seen], camera)
+    image = image.reshape(*camera.shape, 3)
+    albedo = np.maximum(surfaces[..., :3], 0.02)
+    light = np.where(surfaces[..., 3:6].any(axis=-1, keepdims=True), image / albedo, 0)
+    smooth = np.empty(light.shape, np.float32)
+    smooth_on_surfaces(light.astype(np.float32), np.ascontiguousarray(surfaces[..., 3:6]),
+                       np.ascontiguousarray(surfaces[..., 6:]), SMOOTHING_RADIUS,
+                       SMOOTHING_SPREAD, smooth)
+    return smooth * albedo
+
+
+def direct_image(light, camera, projector, pattern):
+    """
+    Return the radiance of direct projector light.
+
+    Parameters
+    ----------
+    light : DirectLight
+    camera : Camera
+    projector : Projector
+    pattern : numpy.ndarray, uint8, shape (H', W', 3)
+
+    Returns
+    -------
+    radiance : numpy.ndarray, float64, shape (H, W, 3)
+
+    """
+    height, width = pattern.shape[:2]
+    stack, level_of = pattern_stack(projector, pattern, light.depth)
+    row = light.row * width + (0.5 + projector.offset) * height - 0.5
+    column = light.column * width - 0.5
+    inside = (row >= -0.5) & (row <= height - 0.5)
+    weight = light.weight * np.float32(projector.power) * inside[:, None]
+    image = np.zeros((camera.width * camera.height, 3))
+    project_pattern(stack, level_of(light.depth), column, row, weight, light.pixel, image)
+    return image.reshape(*camera.shape, 3)
+
+
+def indirect_image(world, light, camera, pattern, samples, seed):
+    """
+    Path-trace the projector's light that bounces at least twice.
+
+    Parameters
+    ----------
+    world : World
+    light : DirectLight
+        Of the same camera.
+    camera : Camera
+    pattern : numpy.ndarray, uint8, shape (H', W', 3)
+    samples : int
+        Samples per pixel along either axis.
+    seed : int
+
+    Returns
+    -------
+    radiance : numpy.ndarray, float64, shape (H, W, 3)
+
+    """
+    view = View.of(camera, samples)
+    lit = world.lit_by(world.pattern_projector(
+        pattern_light(world.scene.rig.projector, pattern)))
+    values = _render(world, lit, view, camera.pose, {
+        'type': 'aov', 'aovs': 'p:position',
+        'all': {'type': 'path', 'max_depth': world.scene.bounces + 1, 'rr_depth': 64},
+        'first': {'type': 'direct'}}, seed + 2)
+    # Both integrators start with the same camera ray, so their difference is what bounced.
+    bounced = np.maximum(values[:, :3] - values[:, 3:6], 0)
+    limit = FIREFLY_LIMIT * max(float(values[:, 3:6].mean()), 1e-12)
+    pixel = pixel_index(camera, view.centers())
+    surfaces = np.concatenate([light.albedo, light.normal, light.position], axis=-1)
+    return _on_surfaces(np.minimum(bounced, limit), pixel, camera, surfaces).astype(np.float64)
