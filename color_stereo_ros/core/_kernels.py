@@ -9,6 +9,8 @@ indices keep numba from testing for negative ones, which would stop the vectoriz
 
 """
 
+import math
+
 import numpy as np
 from numba import njit, prange
 
@@ -286,3 +288,77 @@ def search(left, right, first, reach_x, reach_y, low, high, ring, sums, total, r
             if center >= start:
                 _search_row(left[center], sums[band], reach_x, low[center], high[center], total[band],
                             right_cost[band], right_index[band], winner[center], costs[center])
+
+
+@njit(cache=True, nogil=True)
+def _offset(before, best, after, subpixel):
+    """
+    Return the offset of the minimum from the middle one of three costs, px.
+
+    subpixel 1: parabola; 2: the better neighbor and the winner, weighted with each other's cost
+    (paper, sec. 3); 0: none.
+
+    """
+    if subpixel == 1:
+        return 0.5 * (before - after) / (before - 2.0 * best + after)
+    if subpixel == 2:
+        neighbor = min(before, after)
+        share = best / (best + neighbor)
+        return share if after < before else -share
+    return 0.0
+
+
+@njit(cache=True, nogil=True)
+def _verdict(k, mirrored, x, right_row, first, count, low, high, costs, tolerance, uniqueness):
+    """Return the Status code of the winner k of a usable left pixel."""
+    column = x - first - k
+    if k == 0 or k == count - 1:
+        return 7  # the least cost lies at a limit: the minimum may lie outside
+    if k == low or k == high - 1 or column < 0 or column >= right_row.shape[0]:
+        return 4
+    if right_row[column, 3] == 0:
+        return 4
+    if tolerance > 0 and abs(mirrored - k) > tolerance:
+        return 6
+    if costs[0] - costs[1] + costs[2] - costs[1] <= 0:
+        return 5  # flat: the colors do not tell where
+    if costs[3] < costs[1] * (1.0 + uniqueness):
+        return 5
+    return 0
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def judge(winner, costs, reason, right, first, count, low, high, tolerance, uniqueness, subpixel,
+          independent, disparity, deviation, confidence, status):
+    """
+    Turn winners into disparities, or into the reason why there is none.
+
+    Reads winner (H, W, 2) and costs (H, W, 4) of the search, and the number of independent
+    pixels in a window; writes disparity, deviation (its standard deviation) and confidence
+    (H, W), and status (H, W), the codes of Status.
+
+    """
+    height, width = status.shape
+    for y in prange(height):
+        for x in range(width):
+            k = winner[y, x, 0]
+            code = int(reason[y, x])
+            if code == 0:
+                code = _verdict(k, winner[y, x, 1], x, right[y], first, count, low[y, x],
+                                high[y, x], costs[y, x], tolerance, uniqueness)
+            status[y, x] = code
+            disparity[y, x] = np.nan
+            deviation[y, x] = np.nan
+            confidence[y, x] = 0.0
+            if code == 0:
+                before, best = float(costs[y, x, 0]), float(costs[y, x, 1])
+                after, second = float(costs[y, x, 2]), float(costs[y, x, 3])
+                bend = before - 2.0 * best + after
+                # Least squares: with Q = Q0 + bend / 2 (d - d0)^2 and a noise of Q0 / (2 n) per
+                # color difference, the variance of d0 is that noise over half the bend.
+                spread = math.sqrt(max(best, 1.0) / (independent * bend))
+                # The same noise tells how much more likely the winner is than the next minimum.
+                evidence = min(independent * (second - best) / max(best, 1.0), 50.0)
+                disparity[y, x] = first + k + _offset(before, best, after, subpixel)
+                deviation[y, x] = spread
+                confidence[y, x] = math.erf(math.sqrt(0.5) / spread) / (1.0 + math.exp(-evidence))

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The correspondence search of the paper (sec. 2.2 and 3), exhaustive over the disparities."""
 
+import math
+
+import cv2
 import numba
 import numpy as np
 
@@ -8,6 +11,10 @@ from . import _kernels
 from .color import ColorCorrection
 from .triangulation import search_interval
 from .types import Match, Status
+
+SUBPIXEL_CODES = {'none': 0, 'parabola': 1, 'weighted': 2}
+TILE = 16            # px, side of the tiles whose median is the surroundings' disparity
+MOSAIC_BLUR = 1.2    # px, standard deviation of the noise correlation of single-chip cameras
 
 
 class PaperMatcher:
@@ -30,6 +37,7 @@ class PaperMatcher:
         first, last = search_interval(limits)
         self._first = first - 1  # one more at each end tells a minimum from a limit
         self._count = last - first + 3
+        self._independent = independent_pixels(settings)
         self._buffers = _Buffers(geometry, self._count, settings.matching)
 
     def match(self, pair):
@@ -45,51 +53,91 @@ class PaperMatcher:
         match : Match
 
         """
-        (left, left_reason), (right, _) = self._correction.correct(pair)
-        winner, costs = self._search(left, right)
-        return self._judged(winner, costs, left_reason, right)
+        (left, reason), (right, _) = self._correction.correct(pair)  # sec. 2.2, correction
+        low, high = self._global_limits(reason.shape)
+        match = self._searched(left, right, reason, low, high)  # sec. 2.2, search
+        if self._settings.local_limit > 0:
+            low, high = self._local_limits(match.disparity)
+            match = self._searched(left, right, reason, low, high)
+        return match
 
-    def _search(self, left, right):
-        """Return winners and costs of the search between the global limits."""
-        buffers = self._buffers
+    def _global_limits(self, shape):
+        """Return the first and one past the last candidate of each pixel, int32 (H, W)."""
+        return np.zeros(shape, np.int32), np.full(shape, self._count, np.int32)
+
+    def _local_limits(self, disparity):
+        """Return limits around the median disparity of the surroundings (paper, sec. 2.2)."""
+        center = surrounding_median(disparity) - self._first
+        reach = self._settings.local_limit
+        low, high = self._global_limits(disparity.shape)
+        known = np.isfinite(center)
+        low[known] = np.clip(np.floor(center[known] - reach), 0, self._count - 3)
+        high[known] = np.clip(np.ceil(center[known] + reach) + 1, 3, self._count)
+        return low, high
+
+    def _searched(self, left, right, reason, low, high):
+        """Return the Match of one search between limits for each pixel."""
+        settings, buffers = self._settings, self._buffers
         _kernels.search(
-            left, right, self._first, self._settings.window_width // 2,
-            self._settings.window_height // 2, buffers.low, buffers.high, buffers.ring,
-            buffers.sums, buffers.total, buffers.ratios, buffers.right_cost, buffers.right_index,
-            buffers.winner, buffers.costs)
-        return buffers.winner, buffers.costs
+            left, right, self._first, settings.window_width // 2, settings.window_height // 2,
+            low, high, buffers.ring, buffers.sums, buffers.total, buffers.ratios,
+            buffers.right_cost, buffers.right_index, buffers.winner, buffers.costs)
+        match = Match(disparity=np.empty(reason.shape, np.float32),
+                      disparity_std=np.empty(reason.shape, np.float32),
+                      confidence=np.empty(reason.shape, np.float32),
+                      status=np.empty(reason.shape, np.uint8))
+        _kernels.judge(
+            buffers.winner, buffers.costs, reason, right, self._first, self._count, low, high,
+            settings.left_right_tolerance, settings.uniqueness_ratio,
+            SUBPIXEL_CODES[settings.subpixel], self._independent,
+            match.disparity, match.disparity_std, match.confidence, match.status)
+        return match
 
-    def _judged(self, winner, costs, reason, right):
-        """Return the Match: sub-pixel disparities where the winner passes every test."""
-        index = winner[..., 0]
-        before, best, after, second = (costs[..., i].astype(np.float32) for i in range(4))
-        height, width = index.shape
-        columns = np.arange(width) - index - self._first
-        hits = (columns >= 0) & (columns < width)
-        usable = np.take_along_axis(right[..., 3], np.clip(columns, 0, width - 1), 1) > 0
-        status = reason.copy()
 
-        def refuse(where, code):
-            status[(status == Status.VALID) & where] = code
+def independent_pixels(settings):
+    """
+    Return how many pixels of a window carry noise of their own.
 
-        refuse(~(hits & usable), Status.NO_MATCH)
-        refuse((index == 0) | (index == self._count - 1), Status.OUT_OF_RANGE)
-        tolerance = self._settings.left_right_tolerance
-        if tolerance > 0:
-            refuse(np.abs(winner[..., 1] - index) > tolerance, Status.INCONSISTENT)
-        refuse(second < best * (1 + self._settings.uniqueness_ratio), Status.AMBIGUOUS)
-        bend = before - 2 * best + after
-        refuse(bend <= 0, Status.AMBIGUOUS)
-        with np.errstate(all='ignore'):
-            shift = 0.5 * (before - after) / bend
-            pixels = self._settings.window_width * self._settings.window_height
-            std = np.sqrt(best / (pixels * 0.5 * bend) * 12)
-        valid = status == Status.VALID
-        nan = np.float32(np.nan)
-        disparity = np.where(valid, (index + self._first + shift).astype(np.float32), nan)
-        std = np.where(valid, std.astype(np.float32), nan)
-        confidence = np.where(valid, np.exp(-std), 0).astype(np.float32)
-        return Match(disparity, std, confidence, status)
+    Demosaicing and smoothing spread the noise of a pixel over an area of 4 pi sigma^2.
+
+    """
+    pixels = settings.matching.window_width * settings.matching.window_height
+    area = 4.0 * math.pi * (settings.color.smoothing ** 2 + MOSAIC_BLUR ** 2)
+    return max(1.0, pixels / area)
+
+
+def surrounding_median(disparity):
+    """
+    Return the median disparity around each pixel: of 3 x 3 tiles of TILE px.
+
+    Parameters
+    ----------
+    disparity : numpy.ndarray, float32, shape (H, W)
+        px, NaN = unknown.
+
+    Returns
+    -------
+    median : numpy.ndarray, float32, shape (H, W)
+        px, NaN where all of the surroundings are unknown.
+
+    """
+    height, width = disparity.shape
+    rows, columns = -(-height // TILE), -(-width // TILE)
+    padded = np.full((rows * TILE, columns * TILE), np.nan, np.float32)
+    padded[:height, :width] = disparity
+    tiles = padded.reshape(rows, TILE, columns, TILE).swapaxes(1, 2).reshape(rows, columns, -1)
+    medians = np.pad(_median(tiles), 1, constant_values=np.nan)
+    around = np.stack([medians[y:y + rows, x:x + columns] for y in range(3) for x in range(3)],
+                      axis=-1)
+    return cv2.resize(_median(around), (columns * TILE, rows * TILE),
+                      interpolation=cv2.INTER_NEAREST)[:height, :width]
+
+
+def _median(values):
+    """Return the (lower) median over the last axis, NaN ignored; np.nanmedian is far slower."""
+    ordered = np.sort(values, axis=-1)  # NaN last
+    known = np.isfinite(values).sum(axis=-1, keepdims=True)
+    return np.take_along_axis(ordered, np.maximum(known - 1, 0) // 2, axis=-1)[..., 0]
 
 
 class _Buffers:
@@ -106,5 +154,3 @@ class _Buffers:
         self.right_index = np.zeros((bands, width + count - 1), np.int32)
         self.winner = np.zeros((height, width, 2), np.int32)
         self.costs = np.zeros((height, width, 4), np.int32)
-        self.low = np.zeros((height, width), np.int32)
-        self.high = np.full((height, width), count, np.int32)
