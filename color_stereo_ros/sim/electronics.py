@@ -10,14 +10,20 @@ BAYER_CHANNELS = {'RGGB': (0, 1, 1, 2), 'BGGR': (2, 1, 1, 0),
                   'GRBG': (1, 0, 2, 1), 'GBRG': (1, 2, 0, 1)}
 
 
-def exposure_for(radiance, camera):
-    """Return the camera's exposure, or the one that suits a radiance image if automatic."""
-    if camera.exposure > 0:
-        return camera.exposure
-    signal = (radiance * np.asarray(camera.sensitivity)).max(axis=-1)
-    bright = np.percentile(signal[signal > 0.02 * signal.max()], AUTO_EXPOSURE_PERCENTILE) \
-        if signal.max() > 0 else 1.0
-    return AUTO_EXPOSURE_SHARE / bright
+def exposures_for(radiances, cameras):
+    """Return the exposure of each camera; automatic ones share the value that suits them all."""
+    automatic = [(radiance * np.asarray(camera.sensitivity)).max(axis=-1).ravel()
+                 for radiance, camera in zip(radiances, cameras) if camera.exposure == 0]
+    common = _automatic_exposure(np.concatenate(automatic)) if automatic else 0.0
+    return tuple(camera.exposure or common for camera in cameras)
+
+
+def _automatic_exposure(signal):
+    brightest = signal.max()
+    if brightest <= 0:
+        return 1.0
+    lit = signal[signal > 0.02 * brightest]
+    return AUTO_EXPOSURE_SHARE / np.percentile(lit, AUTO_EXPOSURE_PERCENTILE)
 
 
 def expose(radiance, camera, exposure, seed):

@@ -38,7 +38,8 @@ class Pose:
 
     def to_child(self, points):
         """Return points (..., 3) of the parent frame in the child frame."""
-        return (np.asarray(points) - self.position) @ self.rotation
+        return np.ascontiguousarray(points, np.float64) @ self.rotation - (
+            self.position @ self.rotation)
 
     def inverse(self):
         """Return the pose of the parent in the child frame."""

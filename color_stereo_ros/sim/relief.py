@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-FEATURES = ('boss', 'rib', 'bore', 'pocket', 'dome', 'wave', 'noise')
+FEATURES = ('boss', 'rib', 'bore', 'pocket', 'dome', 'roof', 'wave', 'noise')
 
 
 def read_relief(node):
@@ -24,14 +24,14 @@ def _read_feature(node):
     node.only('kind', 'center', 'radius', 'height', 'from', 'to', 'width', 'depth', 'size',
               'amplitude', 'wavelength', 'direction', 'seed')
     feature = {'kind': node.get('kind').choice(FEATURES)}
-    if feature['kind'] in ('boss', 'bore', 'pocket', 'dome'):
+    if feature['kind'] in ('boss', 'bore', 'pocket', 'dome', 'roof'):
         feature['center'] = node.get('center').vector(2)
     if feature['kind'] in ('boss', 'bore', 'dome'):
         feature['radius'] = node.get('radius').number(1e-5, 10.0)
     if feature['kind'] == 'rib':
         feature.update({name: node.get(name).vector(2) for name in ('from', 'to')},
                        width=node.get('width').number(1e-5, 1.0))
-    if feature['kind'] == 'pocket':
+    if feature['kind'] in ('pocket', 'roof'):
         feature['size'] = node.get('size').vector(2, 1e-5, 10.0)
     if feature['kind'] in ('wave', 'noise'):
         feature.update(amplitude=node.get('amplitude').number(0.0, 1.0),
@@ -102,6 +102,13 @@ def _dome(heights, x, y, feature):
     return np.where(away <= 1, np.maximum(heights, cap), heights)
 
 
+def _roof(heights, x, y, feature):
+    """Raise a roof: highest along the middle, zero at the left and right ends of its size."""
+    away = 2 * np.abs(x - feature['center'][0]) / feature['size'][0]
+    inside = (away <= 1) & (np.abs(y - feature['center'][1]) <= feature['size'][1] / 2)
+    return np.where(inside, np.maximum(heights, feature['height'] * (1 - away)), heights)
+
+
 def _wave(heights, x, y, feature):
     angle = np.radians(feature['direction'])
     phase = 2 * np.pi * (x * np.cos(angle) + y * np.sin(angle)) / feature['wavelength']
@@ -117,7 +124,7 @@ def _noise(heights, x, y, feature):
 
 
 _APPLY = {'boss': _boss, 'rib': _rib, 'bore': _bore, 'pocket': _pocket, 'dome': _dome,
-          'wave': _wave, 'noise': _noise}
+          'roof': _roof, 'wave': _wave, 'noise': _noise}
 
 
 def relief_mesh(form):

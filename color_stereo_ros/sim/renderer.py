@@ -11,12 +11,13 @@ import numpy as np
 from color_stereo_ros.core.calibration import StereoCalibration
 from color_stereo_ros.core.types import ImageError
 
-from .electronics import expose, exposure_for
+from .electronics import expose, exposures_for
 from .transport import direct_image, DirectLight, indirect_image, sample_direct, World
 from .truth import find_truth, Truth
 
 CACHE_VERSION = 1  # raised when the meaning of cached files changes
-SAMPLES = 4        # per pixel along either axis
+SAMPLES = 4           # of direct light per pixel along either axis
+INDIRECT_SAMPLES = 2  # likewise, at most: bounced light is smooth and smoothed
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +101,7 @@ class Renderer:
         _check_pattern(pattern)
         rig = self.scene.rig
         radiance = tuple(self.radiance(camera, pattern) for camera in (rig.left, rig.right))
-        exposures = tuple(exposure_for(light, camera)
-                          for light, camera in zip(radiance, (rig.left, rig.right)))
+        exposures = exposures_for(radiance, (rig.left, rig.right))
         images = [expose(light, camera, exposure, np.random.SeedSequence([seed, side]))
                   for side, (light, camera, exposure) in enumerate(
                       zip(radiance, (rig.left, rig.right), exposures))]
@@ -140,8 +140,8 @@ class Renderer:
         digest = hashlib.sha256(pattern.tobytes() + str(pattern.shape).encode()).hexdigest()[:12]
         return self._cached(
             f'bounced-{camera.name}-{digest}', _Image,
-            lambda: _Image(indirect_image(self.world, light, camera, pattern, self.samples,
-                                          _seed_of(camera)))).pixels
+            lambda: _Image(indirect_image(self.world, light, camera, pattern,
+                                          min(self.samples, INDIRECT_SAMPLES), _seed_of(camera)))).pixels
 
     def _cached(self, name, kind, compute):
         """Return a dataclass of arrays from the cache folder, or compute and keep it."""

@@ -137,7 +137,8 @@ def find_truth(world, pattern_shape):
     facing = normal[hit] * -np.sign(np.sum(normal[hit] * directions[hit], axis=1))[:, None]
     in_left, both, lit = (np.zeros(hit.size, bool) for _ in range(3))
     in_left[hit] = inside_image(rig.left, points)
-    both[hit] = in_left[hit] & _seen(world, rig.right, points, facing)
+    both[hit] = (in_left[hit] & _in_rectified_right(rig, hit, depth)
+                 & _seen(world, rig.right, points, facing))
     lit[hit] = _lit(world, points, facing, pattern_shape)
     depth = depth.reshape(shape)
     both, lit, in_left = both.reshape(shape), lit.reshape(shape), in_left.reshape(shape)
@@ -147,6 +148,14 @@ def find_truth(world, pattern_shape):
             np.float32),
         visible=both & lit, seen_by_both=both, seen_by_left_only=in_left & ~both, lit=lit,
         edge=edge_region(depth))
+
+
+def _in_rectified_right(rig, hit, depth):
+    """Return whether the match of each hit pixel is a column of the rectified right image."""
+    geometry = rig.calibration.geometry
+    match = np.flatnonzero(hit) % geometry.width - (
+        geometry.focal_baseline / depth[hit] + geometry.principal_offset)
+    return (match >= 0) & (match <= geometry.width - 1)
 
 
 def _seen(world, camera, points, facing):
