@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo replay`: publish a recording on real topics, where rosbag2 is not installed."""
 
-from contextlib import contextmanager
 import importlib
-import signal
 import time
 
 SUMMARY = 'publish a recording on real topics'
@@ -30,10 +28,11 @@ def add_arguments(parser):
 def run(args):
     """Publish until the end, or until SIGINT or SIGTERM; both are a good end."""
     from ..core.types import SettingsError
+    from .live import ros_node
     from .recording import Recording
     if not args.rate > 0:
         raise SettingsError(f'--rate = {args.rate} is not larger than 0')
-    with Recording(args.recording) as recording, _ros_node() as node:
+    with Recording(args.recording) as recording, ros_node('color_stereo_replay') as node:
         player = Player(node, recording, args.topics, args.namespace, args.stamps == 'now')
         player.wait_for_subscriber(args.wait)
         print(f'{args.recording}: {sum(recording.counts.values())} messages, '
@@ -45,19 +44,6 @@ def run(args):
             player.finish()
         except KeyboardInterrupt:
             print('stopped')
-
-
-@contextmanager
-def _ros_node():
-    """Yield a node; SIGTERM ends like SIGINT, and the context is shut down in any case."""
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield rclpy.create_node('color_stereo_replay', enable_rosout=False)
-    finally:
-        rclpy.try_shutdown()
 
 
 class Player:
