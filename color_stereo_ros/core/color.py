@@ -10,9 +10,9 @@ from .types import Status
 BRIGHTNESS = 255.0   # lambda of the paper: the sum of the components after scaling
 ESTIMATE = -1.0      # value of color.dark_level that asks for an estimate
 DARK_PERCENTILE = 2.0
-SPOT_STEP = 8        # px, statistics look at one spot of so many rows and columns
+DARK_STEP = 8        # px, the dark level is estimated from every eighth row and column
+SPOT_STEP = 16       # px, statistics look at one spot of so many rows and columns
 SPOT_SIZE = 4        # px, rows and columns of a spot
-SPOT_DISTANCE = 2    # steps between the two spots whose brightnesses are compared
 GAIN_ITERATIONS = 4
 MIN_GAIN_SAMPLES = 50
 # Differences between the cameras' log gains: below the first they are taken for an error of the
@@ -93,7 +93,7 @@ def estimated_dark_level(image, inside):
     Where one component of the pattern is zero, and in shadows, a camera shows its dark level.
 
     """
-    sample = image[::SPOT_STEP, ::SPOT_STEP][inside[::SPOT_STEP, ::SPOT_STEP]]
+    sample = image[::DARK_STEP, ::DARK_STEP][inside[::DARK_STEP, ::DARK_STEP]]
     if sample.size == 0:
         return np.zeros(3, np.float32)
     return np.percentile(sample, DARK_PERCENTILE, axis=0).astype(np.float32)
@@ -114,7 +114,7 @@ def brightness_samples(image, inside, dark, settings):
     Returns
     -------
     first, second : numpy.ndarray, float32, shape (n, 3)
-        DN above the dark level; the spots are two SPOT_STEPs apart in a row or a column.
+        DN above the dark level; the spots are SPOT_STEP apart in a row or a column.
 
     """
     rows, columns = (size // SPOT_STEP for size in inside.shape)
@@ -122,11 +122,10 @@ def brightness_samples(image, inside, dark, settings):
     lit = np.empty((rows, columns), np.bool_)
     _kernels.average_spots(image, inside, dark, np.float32(settings.min_signal),
                            settings.saturation_level, SPOT_STEP, SPOT_SIZE, colors, lit)
-    step = SPOT_DISTANCE
-    in_row = lit[:, step:] & lit[:, :-step]
-    in_column = lit[step:] & lit[:-step]
-    return (np.concatenate((colors[:, step:][in_row], colors[step:][in_column])),
-            np.concatenate((colors[:, :-step][in_row], colors[:-step][in_column])))
+    in_row = lit[:, 1:] & lit[:, :-1]
+    in_column = lit[1:] & lit[:-1]
+    return (np.concatenate((colors[:, 1:][in_row], colors[1:][in_column])),
+            np.concatenate((colors[:, :-1][in_row], colors[:-1][in_column])))
 
 
 def equal_brightness_gains(first, second):

@@ -79,8 +79,8 @@ class PaperMatcher:
         """Return the Match of one search between limits for each pixel."""
         settings, buffers = self._settings, self._buffers
         _kernels.search(
-            left, right, self._first, settings.window_width // 2, settings.window_height // 2,
-            low, high, buffers.ring, buffers.sums, buffers.total, buffers.ratios,
+            left, right, self._first, self._count, settings.window_width // 2,
+            settings.window_height // 2, low, high, buffers.ring, buffers.sums, buffers.total, buffers.ratios,
             buffers.right_cost, buffers.right_index, buffers.winner, buffers.costs)
         match = Match(disparity=np.empty(reason.shape, np.float32),
                       disparity_std=np.empty(reason.shape, np.float32),
@@ -145,12 +145,13 @@ class _Buffers:
 
     def __init__(self, geometry, count, settings):
         bands = numba.get_num_threads()
+        padded = -(-count // _kernels.LANES) * _kernels.LANES
         height, width = geometry.height, geometry.width
-        self.ring = np.zeros((bands, settings.window_height, width, count), np.uint16)
-        self.sums = np.zeros((bands, width, count), np.int32)
-        self.total = np.zeros((bands, count), np.int32)
-        self.ratios = np.zeros((bands, 2, 3, width + count - 1), np.float32)
-        self.right_cost = np.zeros((bands, width + count - 1), np.int32)
-        self.right_index = np.zeros((bands, width + count - 1), np.int32)
+        self.ring = np.zeros((bands, settings.window_height, width, padded), np.uint16)
+        self.sums = np.zeros((bands, width, padded), np.int32)
+        self.total = np.zeros((bands, padded + 2), np.int32)
+        self.ratios = np.zeros((bands, 2, 3, width + padded - 1), np.float32)
+        self.right_cost = np.zeros((bands, width + padded - 1), np.int32)
+        self.right_index = np.zeros((bands, width + padded - 1), np.int32)
         self.winner = np.zeros((height, width, 2), np.int32)
         self.costs = np.zeros((height, width, 4), np.int32)

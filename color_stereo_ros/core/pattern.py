@@ -194,7 +194,12 @@ def random_phase(settings):
     # The Fourier transform of a Gaussian of standard deviation s is exp(-2 (pi s f)^2).
     blur = np.exp(-2.0 * (np.pi * settings.feature_size * frequency) ** 2)
     smooth = np.fft.irfft2(np.fft.rfft2(noise) * blur, s=shape)
-    return HUE_FIELD_DEVIATION * (smooth - smooth.mean()) / smooth.std()
+    smooth -= smooth.mean()
+    deviation = smooth.std()
+    if deviation < 1e-9:
+        raise SettingsError(f'pattern.feature_size = {settings.feature_size} px is too large for '
+                            f'a pattern of {settings.width} x {settings.height} px')
+    return HUE_FIELD_DEVIATION * smooth / deviation
 
 
 GENERATORS = {
