@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command `color_stereo`: it finds, runs and explains its subcommands."""
+
+import os
+import subprocess
+import sys
+import types
+
+import cv2
+import numpy as np
+import pytest
+
+from color_stereo_ros.core import ImageError, Settings, SettingsError, make_pattern
+from color_stereo_ros.core.settings import flat
+from color_stereo_ros.tools import cli
+from color_stereo_ros.tools.arguments import read_settings, settings_yaml
+from color_stereo_ros.tools.files import write_image, write_text, written_whole
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """Return a function that runs a command `pattern` which raises a given error."""
+    def run(error):
+        def fail(_):
+            raise error
+        fake = types.SimpleNamespace(add_arguments=lambda parser: None, run=fail)
+        monkeypatch.setattr(cli.importlib, 'import_module', lambda name: fake)
+        return cli.main(['pattern'])
+    return run
+
+
+def test_every_command_has_a_summary_of_one_line():
+    commands = cli.find_commands()
+    assert {'demo', 'replay', 'convert', 'process', 'sample', 'pattern', 'settings'} <= set(
+        commands)
+    assert all('\n' not in text and 10 < len(text) < 100 for text in commands.values())
+
+
+@pytest.mark.parametrize('name', cli.find_commands())
+def test_every_command_explains_its_arguments(name, capsys):
+    with pytest.raises(SystemExit) as ending:
+        cli.main([name, '--help'])
+    assert ending.value.code == 0
+    assert cli.find_commands()[name] in ' '.join(capsys.readouterr().out.split())
+
+
+def test_help_imports_neither_numpy_nor_ros_nor_a_simulator():
+    code = ('import sys\nfrom color_stereo_ros.tools import cli\n'
+            'try:\n    cli.main(["--help"])\nexcept SystemExit:\n    pass\n'
+            'heavy = {"numpy", "numba", "cv2", "rclpy", "mitsuba", "matplotlib"}\n'
+            'sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)')
+    ran = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert 'evaluate' in ran.stdout
+
+
+def test_an_unknown_command_is_refused_with_the_known_ones(capsys):
+    with pytest.raises(SystemExit) as ending:
+        cli.main(['patern'])
+    assert ending.value.code == 2
+    assert 'pattern' in capsys.readouterr().err
+
+
+def test_a_known_error_ends_with_one_line_and_status_2(failing, capsys):
+    assert failing(SettingsError('range.min_depth = 7 m is wrong')) == 2
+    assert capsys.readouterr().err == 'color_stereo: range.min_depth = 7 m is wrong\n'
+
+
+def test_a_missing_file_is_named_and_ends_with_status_1(failing, capsys):
+    assert failing(FileNotFoundError(2, 'No such file or directory', 'left.yaml')) == 1
+    assert capsys.readouterr().err == 'color_stereo: left.yaml: No such file or directory\n'
+
+
+@pytest.mark.parametrize('module, extra', [('mitsuba', 'sim'), ('rosbags.rosbag2', 'tools'),
+                                           ('rclpy', 'ros')])
+def test_a_missing_extra_is_named_with_the_command_that_installs_it(failing, capsys, module,
+                                                                     extra):
+    assert failing(ModuleNotFoundError('no module', name=module)) == 1
+    assert f'pip install color_stereo_ros[{extra}]' in capsys.readouterr().err
+
+
+def test_an_unknown_missing_module_is_a_bug_and_keeps_its_traceback(failing):
+    with pytest.raises(ModuleNotFoundError):
+        failing(ModuleNotFoundError('no module', name='left_pad'))
+
+
+def test_an_unexpected_error_keeps_its_traceback(failing):
+    with pytest.raises(ZeroDivisionError):
+        failing(ZeroDivisionError())
+
+
+def test_an_interrupt_ends_with_status_130(failing):
+    assert failing(KeyboardInterrupt()) == 130
+
+
+def test_a_closed_pipe_is_no_error():
+    command = f'{sys.executable} -m color_stereo_ros.tools.cli settings | head -n 1'
+    ran = subprocess.run(['bash', '-o', 'pipefail', '-c', command], capture_output=True, text=True)
+    assert ran.stdout.startswith('pattern.type = ')
+    assert ran.stderr == ''
+
+
+def test_settings_as_yaml_read_back_are_the_same_settings(tmp_path, capsys):
+    assert cli.main(['settings', '--format', 'yaml', '--range.min_depth', '0.25']) == 0
+    path = tmp_path / 'settings.yaml'
+    path.write_text(capsys.readouterr().out)
+    assert read_settings(path) == flat(Settings().updated({'range.min_depth': 0.25}))
+
+
+def test_options_override_the_configuration_file(tmp_path, capsys):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(settings_yaml({'range.min_depth': 0.3, 'range.max_depth': 0.5}))
+    cli.main(['settings', '--config', str(path), '--range.max_depth', '0.7'])
+    printed = capsys.readouterr().out
+    assert 'range.min_depth = 0.3 ' in printed and 'range.max_depth = 0.7 ' in printed
+
+
+@pytest.mark.parametrize('text, values', [
+    ('range: {min_depth: 0.3}', {'range.min_depth': 0.3}),
+    ('range.min_depth: 0.3', {'range.min_depth': 0.3}),
+    ('range_node: {ros__parameters: {range.min_depth: 0.3}}', {'range.min_depth': 0.3}),
+    ('/**: {ros__parameters: {range: {min_depth: 0.3}, sync: {tolerance: 0.1}}}',
+     {'range.min_depth': 0.3})])
+def test_parameter_files_of_every_form_are_read(tmp_path, text, values):
+    path = tmp_path / 'settings.yaml'
+    path.write_text(text)
+    assert read_settings(path) == values
+
+
+@pytest.mark.parametrize('text, message', [
+    ('range: {min_dept: 0.3}', "unknown setting 'range.min_dept'; did you mean"),
+    ('[1, 2', 'is no YAML file'), ('just words', 'holds str, expected names and values')])
+def test_a_file_that_is_no_parameter_file_is_refused(tmp_path, text, message):
+    path = tmp_path / 'settings.yaml'
+    path.write_text(text)
+    with pytest.raises(SettingsError, match=message):
+        read_settings(path)
+
+
+def test_a_setting_out_of_range_is_refused_with_the_range(tmp_path, capsys):
+    assert cli.main(['pattern', str(tmp_path / 'p.png'), '--pattern.width', '3']) == 2
+    assert 'pattern.width = 3 px is outside 8 .. 8192 px' in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_pattern_command_writes_the_pattern(tmp_path):
+    path = tmp_path / 'new' / 'pattern.png'
+    assert cli.main(['pattern', str(path), '--pattern.type', 'sweep', '--pattern.width', '64',
+                     '--pattern.height', '16']) == 0
+    expected = make_pattern(Settings().updated(
+        {'pattern.type': 'sweep', 'pattern.width': 64, 'pattern.height': 16}).pattern)
+    assert np.array_equal(cv2.imread(str(path))[..., ::-1], expected)
+
+
+def test_an_image_of_unknown_format_is_refused(tmp_path):
+    with pytest.raises(ImageError, match='.png always works'):
+        write_image(tmp_path / 'picture.xyz', np.zeros((4, 4, 3), np.uint8))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_is_never_half_written(tmp_path):
+    path = tmp_path / 'result.txt'
+    write_text(path, 'first')
+    with pytest.raises(ZeroDivisionError):
+        with written_whole(path) as partial:
+            partial.write_text('second, but')
+            raise ZeroDivisionError
+    assert path.read_text() == 'first'
+    assert os.listdir(tmp_path) == ['result.txt']

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The package as a whole: what setup.py, package.xml and colcon make of it."""
+
+import ast
+import configparser
+from importlib.metadata import entry_points
+import os
+from pathlib import Path
+import re
+import shutil
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+
+import color_stereo_ros
+
+ROOT = Path(__file__).resolve().parents[1]
+EXECUTABLES = {'range_node', 'lifecycle_range_node', 'pattern_node', 'sim_rig_node',
+               'color_stereo'}
+
+ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'numpy': 'python3-numpy',
+               'yaml': 'python3-yaml', 'matplotlib': 'python3-matplotlib'}
+"""Module to rosdep key, where they differ."""
+
+FROM_PYPI = {'mitsuba', 'drjit', 'scipy', 'rosbags', 'tqdm'}
+"""Modules of the extras that rosdep does not install."""
+
+
+@pytest.fixture(scope='module')
+def manifest():
+    return ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+def test_package_xml_setup_py_and_the_module_agree_on_the_version(manifest):
+    setup = re.search(r"version='([\d.]+)'", (ROOT / 'setup.py').read_text()).group(1)
+    assert manifest.findtext('version') == setup == color_stereo_ros.__version__
+
+
+def test_the_maintainer_has_a_valid_mail_address(manifest):
+    assert re.fullmatch(r'[\w.+-]+@[\w-]+(\.[\w-]+)+', manifest.find('maintainer').get('email'))
+
+
+def test_the_license_is_the_same_everywhere(manifest):
+    assert manifest.findtext('license') == 'Apache-2.0'
+    assert 'Apache License' in (ROOT / 'LICENSE').read_text()
+    unmarked = [path for folder in ('color_stereo_ros', 'test', 'launch')
+                for path in (ROOT / folder).rglob('*.py')
+                if not path.read_text().startswith('# SPDX-License-Identifier: Apache-2.0\n')]
+    assert not unmarked
+
+
+def imported_modules(path):
+    """Return the names of the top-level packages that a module imports from elsewhere."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition('.')[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add(node.module.partition('.')[0])
+    return names
+
+
+def test_package_xml_names_every_dependency_that_is_imported(manifest):
+    imported = set()
+    for folder in ('color_stereo_ros', 'launch'):
+        for path in (ROOT / folder).rglob('*.py'):
+            imported |= imported_modules(path)
+    foreign = imported - sys.stdlib_module_names - FROM_PYPI - {'color_stereo_ros',
+                                                                'mpl_toolkits'}
+    named = {element.text for element in manifest.iter('exec_depend')}
+    missing = {name for name in foreign if ROSDEP_KEYS.get(name, name) not in named}
+    assert not missing
+
+
+def test_every_executable_can_be_imported():
+    points = {point.name: point for point in entry_points(group='console_scripts')
+              if point.value.startswith('color_stereo_ros.')}
+    assert set(points) == EXECUTABLES
+    for point in points.values():
+        assert callable(point.load())
+
+
+def test_scripts_go_where_ros2_run_looks_for_them():
+    config = configparser.ConfigParser()
+    config.read(ROOT / 'setup.cfg')
+    assert config['develop']['script_dir'] == '$base/lib/color_stereo_ros'
+    assert config['install']['install_scripts'] == '$base/lib/color_stereo_ros'
+
+
+@pytest.fixture(scope='module')
+def workspace(tmp_path_factory):
+    """Build a copy of the sources with colcon and return the workspace."""
+    folder = tmp_path_factory.mktemp('workspace')
+    shutil.copytree(ROOT, folder / 'src' / 'color_stereo_ros', ignore=shutil.ignore_patterns(
+        '.git', '.venv*', '*_output', '__pycache__', '*.egg-info', 'sample', 'build', 'install',
+        'log'))
+    colcon = Path(sys.executable).with_name('colcon')
+    environment = {**os.environ, 'PATH': f'{colcon.parent}{os.pathsep}{os.environ["PATH"]}'}
+    built = subprocess.run([colcon, 'build', '--event-handlers', 'console_direct+'], cwd=folder,
+                           env=environment, capture_output=True, text=True, timeout=300)
+    assert built.returncode == 0, built.stdout + built.stderr
+    return folder
+
+
+def test_colcon_puts_the_executables_where_ros2_run_looks(workspace):
+    folder = workspace / 'install/color_stereo_ros/lib/color_stereo_ros'
+    assert {path.name for path in folder.iterdir() if os.access(path, os.X_OK)} == EXECUTABLES
+
+
+def test_colcon_installs_manifest_marker_parameters_and_launch_files(workspace):
+    share = workspace / 'install/color_stereo_ros/share'
+    assert (share / 'ament_index/resource_index/packages/color_stereo_ros').exists()
+    assert (share / 'color_stereo_ros/package.xml').exists()
+    for folder in ('config', 'launch'):
+        expected = {path.name for path in (ROOT / folder).iterdir() if path.is_file()}
+        installed = {path.name for path in (share / 'color_stereo_ros' / folder).iterdir()}
+        assert installed == expected
+
+
+def test_the_installed_command_runs_from_the_sourced_workspace(workspace):
+    command = ('source install/setup.bash && '
+               'install/color_stereo_ros/lib/color_stereo_ros/color_stereo --version && '
+               'python -c "import color_stereo_ros; print(color_stereo_ros.__file__)"')
+    environment = {**os.environ, 'PYTHONPATH': '',
+                   'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'}
+    ran = subprocess.run(['bash', '-c', command], cwd=workspace, env=environment,
+                         capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0, ran.stderr
+    version, place = ran.stdout.splitlines()
+    assert version == f'color_stereo_ros {color_stereo_ros.__version__}'
+    assert place.startswith(str(workspace / 'install'))
+
+
+def test_colcon_installs_the_data_files_inside_the_package(workspace):
+    place = workspace / 'install/color_stereo_ros/lib'
+    installed = next(place.rglob('color_stereo_ros/__init__.py')).parent
+    source = ROOT / 'color_stereo_ros'
+    wanted = {path.relative_to(source) for path in source.rglob('*')
+              if path.suffix not in ('.py', '.pyc', '.nbi', '.nbc') and path.is_file()
+              and '__pycache__' not in path.parts}
+    assert wanted <= {path.relative_to(installed) for path in installed.rglob('*')}
