@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-AUTO_EXPOSURE_SHARE = 0.80       # of full scale ...
+AUTO_EXPOSURE_SHARE = 0.84       # of full scale ...
 AUTO_EXPOSURE_PERCENTILE = 99.0  # ... that this percentile of the brightest channel reaches
 BAYER_CHANNELS = {'RGGB': (0, 1, 1, 2), 'BGGR': (2, 1, 1, 0),
                   'GRBG': (1, 0, 2, 1), 'GBRG': (1, 2, 0, 1)}

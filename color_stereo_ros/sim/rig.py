@@ -4,10 +4,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
 import numpy as np
 
-from color_stereo_ros.core.calibration import CameraModel, DISTORTION_LENGTHS, StereoCalibration
+from color_stereo_ros.core.calibration import DISTORTION_LENGTHS, StereoCalibration
 
 from .geometry import Pose
 from .shapes import read_path, read_pose
@@ -120,22 +119,9 @@ class Rig:
         """Return the exact StereoCalibration of the two cameras."""
         rotation = self.right.pose.rotation.T @ self.left.pose.rotation
         translation = self.right.pose.to_child(self.left.pose.position)
-        return _rectified(self.left, self.right, rotation, translation)
-
-
-def _rectified(left, right, rotation, translation):
-    size = (left.width, left.height)
-    # alpha = -1 keeps the focal length of the raw cameras, so no resolution is lost.
-    model = left.distortion_model
-    if model == 'equidistant' or np.any(left.D) or np.any(right.D):
         return StereoCalibration.from_arrays(
-            size, left.K, left.D, right.K, right.D, rotation, translation, model)
-    R_left, R_right, P_left, P_right = cv2.stereoRectify(
-        left.K, left.D, right.K, right.D, size, rotation, translation.reshape(3, 1), flags=0,
-        alpha=-1)[:4]
-    return StereoCalibration(*(
-        CameraModel(camera.name, *size, model, camera.D, camera.K, R, P)
-        for camera, R, P in ((left, R_left, P_left), (right, R_right, P_right))))
+            (self.left.width, self.left.height), self.left.K, self.left.D, self.right.K,
+            self.right.D, rotation, translation, self.left.distortion_model)
 
 
 def read_rig(node):

@@ -21,6 +21,8 @@ from .projection import pattern_light, pattern_stack, projector_coordinates
 from .shapes import mitsuba_shapes
 from .variant import load_mitsuba
 
+# Rays must not slip through between the triangles of a mesh.
+SCENE = {'type': 'scene', 'embree_use_robust_intersections': True}
 SMOOTHING_RADIUS = 6      # px, window of the indirect light
 SMOOTHING_SPREAD = 0.002  # m from the tangent plane
 FIREFLY_LIMIT = 8.0       # indirect light of one sample, times the mean direct light
@@ -58,7 +60,7 @@ class World:
         self.scene = scene
         with tempfile.TemporaryDirectory() as folder:
             self.shapes = self._shapes(Path(folder))
-        self.bare = self.mitsuba.load_dict({'type': 'scene', **self.shapes})
+        self.bare = self.mitsuba.load_dict({**SCENE, **self.shapes})
 
     def _shapes(self, folder):
         shapes = {}
@@ -71,7 +73,7 @@ class World:
 
     def lit_by(self, emitter):
         """Return the Mitsuba scene with one light."""
-        return self.mitsuba.load_dict({'type': 'scene', **self.shapes, 'light': emitter})
+        return self.mitsuba.load_dict({**SCENE, **self.shapes, 'light': emitter})
 
     def transform(self, pose):
         """Return Mitsuba's transform of a camera or projector: its x points left, its y up."""
