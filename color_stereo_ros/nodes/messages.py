@@ -50,15 +50,46 @@ def image_to_rgb(msg):
         are shorter or longer than height * step.
 
     """
-    encoding = msg.encoding
-    if encoding in _PLAIN:
-        channels, code = _PLAIN[encoding]
-        pixels = _pixels(msg, channels)
+    pixels = check_image(msg)
+    if msg.encoding in _PLAIN:
+        code = _PLAIN[msg.encoding][1]
         return np.ascontiguousarray(pixels) if code is None else cv2.cvtColor(pixels, code)
-    pattern = encoding.removesuffix('16').removesuffix('8')
-    if pattern in _BAYER and encoding in ENCODINGS:
-        return cv2.cvtColor(_mosaic(msg), _BAYER[pattern])
-    raise ImageError(_encoding_complaint(encoding))
+    high_byte = pixels.shape[2] - 1 if not msg.is_bigendian else 0
+    mosaic = np.ascontiguousarray(pixels[..., high_byte])
+    return cv2.cvtColor(mosaic, _BAYER[_bayer_name(msg.encoding)])
+
+
+def check_image(msg):
+    """
+    Return the bytes of an image message without copying them; cheap, it reads no pixel.
+
+    Parameters
+    ----------
+    msg : sensor_msgs.msg.Image
+
+    Returns
+    -------
+    pixels : numpy.ndarray, uint8, shape (H, W, bytes per pixel)
+
+    Raises
+    ------
+    ImageError
+        Where `image_to_rgb` does.
+
+    """
+    if msg.encoding not in ENCODINGS:
+        raise ImageError(_encoding_complaint(msg.encoding))
+    if msg.encoding in _PLAIN:
+        return _pixels(msg, _PLAIN[msg.encoding][0])
+    pixels = _pixels(msg, 1 if msg.encoding.endswith('8') else 2)
+    if min(msg.width, msg.height) < _MIN_BAYER_SIZE:
+        raise ImageError(f'{msg.width} x {msg.height} px is too small for {msg.encoding}, '
+                         f'expected at least {_MIN_BAYER_SIZE} x {_MIN_BAYER_SIZE} px')
+    return pixels
+
+
+def _bayer_name(encoding):
+    return encoding.removesuffix('16').removesuffix('8')
 
 
 def _encoding_complaint(encoding):
@@ -71,17 +102,6 @@ def _encoding_complaint(encoding):
     else:
         reason = 'is not supported'
     return f'encoding = {encoding!r} {reason}; expected one of {", ".join(ENCODINGS)}'
-
-
-def _mosaic(msg):
-    """Return the 8-bit mosaic of a Bayer image, shape (H, W)."""
-    if min(msg.width, msg.height) < _MIN_BAYER_SIZE:
-        raise ImageError(f'{msg.width} x {msg.height} px is too small for {msg.encoding}, '
-                         f'expected at least {_MIN_BAYER_SIZE} x {_MIN_BAYER_SIZE} px')
-    if msg.encoding.endswith('8'):
-        return _pixels(msg, 1)[..., 0]
-    high_byte = 0 if msg.is_bigendian else 1
-    return np.ascontiguousarray(_pixels(msg, 2)[..., high_byte])
 
 
 def _pixels(msg, channels):

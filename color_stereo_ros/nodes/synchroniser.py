@@ -292,7 +292,9 @@ class LatestSlot:
     def __init__(self):
         self._condition = threading.Condition()
         self._thing = None
-        self._closed = False
+        self._awake = False
+        self.closed = False
+        """Nothing comes any more."""
         self.replaced = 0
         """How many things were replaced before they were taken."""
 
@@ -304,25 +306,22 @@ class LatestSlot:
             self._condition.notify()
 
     def take(self, timeout=None):
-        """Wait up to `timeout` s for a thing; return None when it is over or the slot closed."""
+        """Wait for a thing; return None after `timeout` s, a `wake` or the end."""
         with self._condition:
-            self._condition.wait_for(lambda: self._thing is not None or self._closed, timeout)
-            thing, self._thing = self._thing, None
+            self._condition.wait_for(
+                lambda: self._thing is not None or self._awake or self.closed, timeout)
+            thing, self._thing, self._awake = self._thing, None, False
             return thing
 
-    def clear(self):
-        """Forget what waits."""
+    def wake(self):
+        """Let the taker return at once, though there may be nothing to take."""
         with self._condition:
-            self._thing = None
+            self._awake = True
+            self._condition.notify()
 
     def close(self):
-        """Wake the taker for the last time."""
+        """Wake the taker for the last time and forget what waits."""
         with self._condition:
-            self._closed = True
+            self.closed = True
             self._thing = None
             self._condition.notify_all()
-
-    @property
-    def closed(self):
-        """Tell whether the slot is closed."""
-        return self._closed

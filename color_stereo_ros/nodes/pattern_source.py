@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pattern that pattern_node shows, and the description by which range_node knows it."""
+
+from dataclasses import asdict
+import hashlib
+import json
+
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from sensor_msgs.msg import Image
+
+from std_msgs.msg import Header, String
+
+from ..core.pattern import make_pattern
+from ..core.types import SettingsError
+from .messages import image_message
+from .parameters import NodeParameters, PatternNodeSettings
+
+FRAME = 'projector_optical_frame'
+
+
+def latched():
+    """Return the QoS of a topic whose last message every late subscriber gets."""
+    return QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def describe(settings, image):
+    """Return the JSON text of pattern/info: the settings and a hash of the pixels."""
+    return json.dumps({'pattern': asdict(settings), 'sha256': fingerprint(image)})
+
+
+def fingerprint(image):
+    """Return the SHA-256 of the pixels of a pattern, in hexadecimal."""
+    return hashlib.sha256(image.tobytes()).hexdigest()
+
+
+class PatternNode(Node):
+    """Publishes pattern/image and pattern/info, latched, and again when a parameter changes."""
+
+    def __init__(self):
+        super().__init__('pattern_node', automatically_declare_parameters_from_overrides=True)
+        self._parameters = NodeParameters(self, PatternNodeSettings(), check=_check,
+                                          on_change=self._show)
+        options = QoSOverridingOptions.with_default_policies()
+        self._image = self.create_publisher(Image, 'pattern/image', latched(),
+                                            qos_overriding_options=options)
+        self._info = self.create_publisher(String, 'pattern/info', latched(),
+                                           qos_overriding_options=options)
+        self._parameters.warn_of_unknown()
+        _check(self._parameters.settings)
+        self._show(self._parameters.settings)
+
+    def _show(self, settings):
+        pattern = make_pattern(settings.pattern)
+        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=FRAME)
+        self._image.publish(image_message(pattern, 'rgb8', header))
+        self._info.publish(String(data=describe(settings.pattern, pattern)))
+        self.get_logger().info(f'showing {settings.pattern.type}, {settings.pattern.width} x '
+                               f'{settings.pattern.height} px')
+
+
+def _check(settings):
+    """Refuse the one pattern that nobody can make."""
+    if settings.pattern.type == 'unknown':
+        raise SettingsError("pattern.type = 'unknown' names no pattern that can be shown")
