@@ -6,11 +6,11 @@ from pathlib import Path
 
 import yaml
 
-from ..core.settings import Settings, described, flat, suggestion
+from ..core.settings import Settings, described, flat, suggestion, updated
 from ..core.types import SettingsError
 
 
-def add_settings_arguments(parser, groups=None):
+def add_settings_arguments(parser, groups=None, settings=Settings()):
     """
     Add `--config FILE` and one option for each setting, for example `--range.min_depth 0.3`.
 
@@ -19,13 +19,15 @@ def add_settings_arguments(parser, groups=None):
     parser : argparse.ArgumentParser
     groups : sequence of str, optional
         Only the settings of these groups, for example ('pattern',).
+    settings : dataclass made of groups
+        The settings of the core, or of a node.
 
     """
     section = parser.add_argument_group(
         'settings', 'the names, units and defaults of the ROS parameters')
     section.add_argument('--config', metavar='FILE', help='YAML file of parameters, as for '
                          '`ros2 run ... --params-file`; options below override it')
-    for name, default, meta in described(Settings()):
+    for name, default, meta in described(settings):
         if groups and name.partition('.')[0] not in groups:
             continue
         unit = f', {meta["unit"]}' if meta['unit'] else ''
@@ -45,16 +47,16 @@ def _boolean(text):
     return text.lower() == 'true'
 
 
-def given_settings(args):
+def given_settings(args, settings=Settings()):
     """Return what `--config` and the options set, a dict of flat names to values."""
-    given = read_settings(args.config) if args.config else {}
-    options = {name: getattr(args, name, None) for name in flat(Settings())}
+    given = read_settings(args.config, settings) if args.config else {}
+    options = {name: getattr(args, name, None) for name in flat(settings)}
     return given | {name: value for name, value in options.items() if value is not None}
 
 
-def settings_from(args):
+def settings_from(args, settings=Settings()):
     """
-    Return the settings of a command line.
+    Return the settings of a command line; what it does not name is as in `settings`.
 
     Raises
     ------
@@ -62,18 +64,19 @@ def settings_from(args):
         For an unknown name, a wrong type, or a value outside its range.
 
     """
-    return Settings().updated(given_settings(args))
+    return updated(settings, given_settings(args, settings))
 
 
-def read_settings(path):
+def read_settings(path, settings=Settings()):
     """
-    Read the core's settings from a YAML file of ROS parameters.
+    Read settings from a YAML file of ROS parameters.
 
     Parameters
     ----------
     path : str or Path
         Parameters below `<node>: ros__parameters:`, nested or with dots, or without that head.
-        Groups of the nodes alone (such as `sync`) are passed over.
+        Groups that `settings` does not have (such as `sync`) are passed over.
+    settings : dataclass made of groups
 
     Returns
     -------
@@ -93,7 +96,7 @@ def read_settings(path):
         raise SettingsError(f'{path}: is no YAML file: {reason}') from error
     if not isinstance(content, dict):
         raise SettingsError(f'{path}: holds {type(content).__name__}, expected names and values')
-    known = flat(Settings())
+    known = flat(settings)
     groups = {name.partition('.')[0] for name in known}
     values = {name: value for node in _parameters(content) for name, value in _flattened(node)
               if name.partition('.')[0] in groups}

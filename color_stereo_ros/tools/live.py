@@ -21,7 +21,7 @@ class LiveError(ColorStereoError):
 
 class Processes:
     """
-    Python modules that run as processes, each with a log file; ends them all on exit.
+    Modules that run as processes, each with a log file; all are ended on exit.
 
     Parameters
     ----------
@@ -42,8 +42,9 @@ class Processes:
         self.stop_all()
 
     def start(self, name, module, *arguments):
-        """Start `python -m module arguments`; its output goes to NAME.txt."""
-        command = [sys.executable, '-u', '-m', module, *map(str, arguments)]
+        """Start the function `main` of a module, as its executable does; log to NAME.txt."""
+        code = f'from {module} import main; raise SystemExit(main())'
+        command = [sys.executable, '-u', '-c', code, *map(str, arguments)]
         with open(self._log(name), 'wb') as log:
             # A session of its own: Ctrl-C reaches this process alone, which then ends the others
             # in order; and whatever the child starts can be ended with it.
