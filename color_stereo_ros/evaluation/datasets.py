@@ -3,13 +3,16 @@
 Pairs with truth: folders of left.png, right.png, left.yaml, right.yaml and truth.npz.
 
 A folder may carry a `settings.yaml` with the settings in which its pair was taken, nested as in
-`config/*.yaml` (`range: {min_depth: 0.22, max_depth: 0.62}`, `pattern: {type: sweep}`).
+`config/*.yaml` (`range: {min_depth: 0.22, max_depth: 0.62}`, `pattern: {type: sweep}`), and a
+`noise.yaml` with the noise of its cameras (`left: {floor: [..], slope: [..], ...}`, `right: ..`).
 
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 import math
+import os
 from pathlib import Path
+import tempfile
 
 import cv2
 import numpy as np
@@ -17,6 +20,7 @@ import yaml
 
 from ..core import ColorStereoError, ImageError, RecordingError, Settings, StereoCalibration
 from .metrics import Truth
+from .noise_limit import CameraNoise
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +38,8 @@ class Scene:
     """Flat settings that belong to the pair; the depth limits are always among them."""
     limits_source: str
     """Where the depth limits come from, for people."""
+    noise: tuple = ()
+    """Known CameraNoise of left and right; empty = to be measured."""
 
 
 def load_folder(path, values=None):
@@ -66,7 +72,7 @@ def load_folder(path, values=None):
     settings, source = with_depth_limits({**own, **(values or {})}, calibration, truth)
     Settings().updated(settings)
     return Scene(path.name, read_image(path / 'left.png'), read_image(path / 'right.png'),
-                 calibration, truth, settings, source)
+                 calibration, truth, settings, source, _folder_noise(path / 'noise.yaml'))
 
 
 def read_image(path):
@@ -118,6 +124,57 @@ def _folder_settings(path):
                 for group, values in groups.items() for name, value in values.items()}
     except (OSError, yaml.YAMLError, AttributeError) as error:
         raise RecordingError(f'{path} has no groups of settings: {error}') from error
+
+
+def _folder_noise(path):
+    """Return the CameraNoise of left and right of a noise.yaml, () if there is none."""
+    if not path.exists():
+        return ()
+    try:
+        cameras = yaml.safe_load(path.read_text())
+        return tuple(CameraNoise(**cameras[side]) for side in ('left', 'right'))
+    except (OSError, yaml.YAMLError, TypeError, KeyError) as error:
+        raise RecordingError(f'{path} does not describe the noise of two cameras: {error}'
+                             ) from error
+
+
+def save_folder(scene, path):
+    """
+    Write a scene in the layout of `load_folder`.
+
+    Parameters
+    ----------
+    scene : Scene
+    path : path-like
+        Folder; appears only when it is complete.
+
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent) as temporary:
+        folder = Path(temporary) / path.name
+        folder.mkdir()
+        for side in ('left', 'right'):
+            image = cv2.cvtColor(getattr(scene, side), cv2.COLOR_RGB2BGR)
+            cv2.imwrite(str(folder / f'{side}.png'), image)
+        scene.calibration.to_yaml(folder / 'left.yaml', folder / 'right.yaml')
+        np.savez_compressed(folder / 'truth.npz', depth=scene.truth.depth,
+                            visible=scene.truth.visible)
+        groups = {}
+        for name, value in scene.settings.items():
+            group, _, key = name.partition('.')
+            groups.setdefault(group, {})[key] = value
+        (folder / 'settings.yaml').write_text(yaml.safe_dump(groups))
+        if scene.noise:
+            cameras = {side: _plain(noise)
+                       for side, noise in zip(('left', 'right'), scene.noise)}
+            (folder / 'noise.yaml').write_text(yaml.safe_dump(cameras))
+        os.replace(folder, path)
+
+
+def _plain(noise):
+    return {name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(noise).items()}
 
 
 def with_depth_limits(settings, calibration, truth):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run any method on a scene: those of this package and OpenCV's, on the same rectified pair."""
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 import time
 
 from ..core import ColorStereo, MatchingSettings, RangeResult, RectifiedPair, Settings
@@ -10,6 +10,7 @@ from ..core.rectification import Rectifier
 from ..core.settings import suggestion
 from . import opencv_matchers
 from .metrics import measure
+from .noise_limit import compare, measured_noise, noise_limit, Window
 
 
 def _own_methods():
@@ -108,8 +109,51 @@ def evaluate(scene, method, values=None, repeats=REPEATS):
     -------
     run : Run
     figures : dict
-        Those of `metrics.measure`, and `milliseconds`.
+        Those of `metrics.measure`, `noise_limit` (of `compared_with_noise`) and `milliseconds`.
 
     """
     run = run_method(scene, method, values, repeats)
-    return run, {**measure(run.result, scene.truth), 'milliseconds': run.milliseconds}
+    figures = measure(run.result, scene.truth)
+    figures['noise_limit'] = compared_with_noise(run, scene)
+    figures['milliseconds'] = run.milliseconds
+    return run, figures
+
+
+def compared_with_noise(run, scene):
+    """
+    Return how far a run is from the noise limit over its window.
+
+    Parameters
+    ----------
+    run : Run
+    scene : color_stereo_ros.evaluation.datasets.Scene
+
+    Returns
+    -------
+    figures : dict
+        `camera` and `pair`: those of `noise_limit.compare` for the known noise of the cameras
+        (None if it is not known) and for the noise measured in the pair, demosaicing included;
+        `best`: the first of the two that is there; and the window.
+
+    """
+    window = window_of(run.method, run.settings.matching)
+    measured = (measured_noise(run.pair, scene.truth),) * 2
+    figures = {'window': asdict(window)}
+    for name, noise in (('camera', scene.noise), ('pair', measured)):
+        figures[name] = compare(run.result, scene.truth, noise_limit(
+            run.pair, scene.truth, *noise, window)) if noise else None
+    figures['best'] = figures['camera'] or figures['pair']
+    return figures
+
+
+def window_of(method, matching):
+    """
+    Return the window over which a method decides a disparity.
+
+    StereoSGBM and 3WAY carry their decision beyond their 5 x 5 block, along paths; they are
+    measured against the same 9 x 9 plane as the surface method.
+
+    """
+    if method == 'paper':
+        return Window(matching.window_width, matching.window_height, 'constant')
+    return Window(15, 15, 'constant') if method == 'bm' else Window()

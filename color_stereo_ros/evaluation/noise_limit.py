@@ -6,7 +6,7 @@ Both cameras see the chromaticity p = C / S of a surface point, C the color abov
 and S = C_R + C_G + C_B; the factor between the two colors is unknown (paper, sec. 2.2:
 C_left = s C_right), so only the chromaticity tells where a point is. With J = (I - p 1') / S
 
-    cov(p) = J diag(v) J',          v_c = (floor + slope_c C_c) / share_c      per camera
+    cov(p) = J diag(v) J',          v_c = variance of a raw sample / share_c     per camera
     w      = g' (cov_left + cov_right)^-1 g,                  g = dp / dx in the right image
     F      = sum over the window of  w h h',       h = (1, dx, dy) plane, h = (1) constant
     limit  = sqrt((F^-1)_00)
@@ -37,12 +37,19 @@ BLOCK = 5  # px, side of the blocks whose means show the noise of an unknown pai
 
 @dataclass(frozen=True)
 class CameraNoise:
-    """Known noise of one camera: variance of a raw sample = floor + slope * signal, DN^2."""
+    """
+    Known noise of one camera.
+
+    Variance of a raw sample = floor + slope * signal + (relative * signal)^2, DN^2.
+
+    """
 
     floor: tuple
     """Variance without light of R, G, B, DN^2: read noise and rounding."""
     slope: tuple
     """Shot noise of R, G, B: DN per electron, DN."""
+    relative: float = 0.0
+    """Standard deviation of an error proportional to the signal: speckle, fixed pattern."""
     dark: tuple = (0.0, 0.0, 0.0)
     """Signal without light of R, G, B, DN."""
     shares: tuple = BAYER_SHARES
@@ -52,7 +59,8 @@ class CameraNoise:
         """Return the covariance of the chromaticity of colors (H, W, 3), see the module."""
         floor, slope, shares = (np.asarray(value, np.float64)
                                 for value in (self.floor, self.slope, self.shares))
-        variance = (floor + slope * np.maximum(colors, 0)) / shares
+        signal = np.maximum(colors, 0).astype(np.float64)
+        variance = (floor + slope * signal + (self.relative * signal) ** 2) / shares
         total = np.maximum(colors.sum(axis=2), 1.0).astype(np.float64)
         jacobian = np.empty((*total.shape, 2, 3))
         for row in range(2):

@@ -19,6 +19,7 @@ COLUMNS = (('density', 'density', '{:.3f}'), ('correct', 'correct', '{:.3f}'),
            ('bad-2', 'bad_2', '{:.4f}'), ('false', 'false_share', '{:.4f}'),
            ('plane mm', 'planes.rms_mm', '{:.3f}'), ('plane px', 'planes.rms_px', '{:.4f}'),
            ('locking', 'locking.peak_to_peak_px', '{:.4f}'),
+           ('/limit', 'noise_limit.best.error_over_limit', '{:.2f}'),
            ('calib.', 'reliability.calibration_error', '{:.3f}'),
            ('z std', 'z_scores.robust_std', '{:.2f}'), ('ms', 'milliseconds', '{:.1f}'))
 
