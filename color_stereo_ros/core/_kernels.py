@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit, prange
 
 COST_UNIT = 2.0      # stored cost per DN^2
-COST_CAP = 65535     # stored cost of colors that are entirely different
+COST_CAP = 16000     # stored cost of colors 89 DN apart and more: bounds what an outlier counts
 FAR = 1.0e3          # color ratio that no lit pixel has
 UNKNOWN_COST = 2000  # stored cost of any color against an unusable left pixel
 NO_COST = 2 ** 31 - 1
@@ -356,7 +356,7 @@ def judge(winner, costs, reason, right, first, count, low, high, tolerance, uniq
                     code = 4
                 elif tolerance > 0 and abs(winner[y, x, 1] - k) > tolerance:
                     code = 6
-                elif bend <= 0 or second < best * distinct:
+                elif bend <= 0 or (uniqueness > 0 and second <= best * distinct):
                     code = 5
             status[y, x] = code
             disparity[y, x] = np.nan

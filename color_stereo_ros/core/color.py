@@ -9,7 +9,7 @@ from .types import Status
 
 BRIGHTNESS = 255.0   # lambda of the paper: the sum of the components after scaling
 ESTIMATE = -1.0      # value of color.dark_level that asks for an estimate
-DARK_PERCENTILE = 2.0
+DARK_PERCENTILE = 5.0  # of the weakest component
 DARK_STEP = 8        # px, the dark level is estimated from every eighth row and column
 SPOT_STEP = 16       # px, statistics look at one spot of so many rows and columns
 SPOT_SIZE = 4        # px, rows and columns of a spot
@@ -88,7 +88,7 @@ class ColorCorrection:
 
 def estimated_dark_level(image, inside):
     """
-    Return the signal without light of each channel, float32 (3,), DN.
+    Return the signal without light, the same for each channel, float32 (3,), DN.
 
     Where one component of the pattern is zero, and in shadows, a camera shows its dark level.
 
@@ -96,7 +96,7 @@ def estimated_dark_level(image, inside):
     sample = image[::DARK_STEP, ::DARK_STEP][inside[::DARK_STEP, ::DARK_STEP]]
     if sample.size == 0:
         return np.zeros(3, np.float32)
-    return np.percentile(sample, DARK_PERCENTILE, axis=0).astype(np.float32)
+    return np.full(3, np.percentile(sample.min(axis=1), DARK_PERCENTILE), np.float32)
 
 
 def brightness_samples(image, inside, dark, settings):

@@ -33,7 +33,8 @@ class Rectifier:
             coordinates = [raw_coordinates(camera) for camera in cameras]
             # Fixed-point maps resolve 1/32 px and are several times faster than float ones.
             self._maps = [cv2.convertMaps(xy[0], xy[1], cv2.CV_16SC2) for xy in coordinates]
-            self._inside = [inside_image(*xy) for xy in coordinates]
+            self._inside = [inside_image(*xy, camera.width, camera.height)
+                            for xy, camera in zip(coordinates, cameras)]
 
     def rectify(self, left, right):
         """
@@ -108,15 +109,14 @@ def _depth_along_raw_axis(camera):
     return axis[0] * ray_x + axis[1] * ray_y[:, None] + axis[2]
 
 
-def inside_image(x, y):
+def inside_image(x, y, width, height):
     """
-    Return where raw coordinates hit the image, bool (H, W).
+    Return where raw coordinates hit an image of width x height, bool, shape of x.
 
     Far outside the field of view a distortion polynomial turns back and mirrors parts of the
     image; there the map from rectified to raw pixels reverses its orientation.
 
     """
-    height, width = x.shape
     (x_row, x_column), (y_row, y_column) = np.gradient(x), np.gradient(y)
     upright = x_column * y_row - x_row * y_column > 0
     return upright & (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Loop-only twins of the compiled kernels, written from the paper's formulas."""
+
+import math
+
+import numpy as np
+
+# What the kernels promise about themselves: costs are counted in half DN^2 and capped.
+COST_UNIT = 2.0
+COST_CAP = 16000.0
+UNUSABLE_COST = 2000.0
+
+
+def corrected_color(color, dark, gains, zero_weakest, target):
+    """Return one corrected color (paper, sec. 2.2)."""
+    equalized = [max(0.0, (float(c) - d) * g) for c, d, g in zip(color, dark, gains)]
+    if zero_weakest:
+        weakest = min(equalized)
+        equalized = [0.0 if c == weakest else c for c in equalized]
+    if target > 0:
+        total = max(sum(equalized), 1e-6)
+        equalized = [target * c / total for c in equalized]
+    return equalized
+
+
+def correct_colors(image, inside, dark, gains, min_signal, saturation, zero_weakest, target):
+    """Return corrected colors (H, W, 4) and reasons (H, W)."""
+    height, width = inside.shape
+    colors = np.zeros((height, width, 4))
+    reason = np.zeros((height, width), np.uint8)
+    for y in range(height):
+        for x in range(width):
+            color = image[y, x]
+            if not inside[y, x]:
+                reason[y, x] = 1
+            elif max(color) >= saturation:
+                reason[y, x] = 3
+            elif max(float(c) - d for c, d in zip(color, dark)) < min_signal:
+                reason[y, x] = 2
+            else:
+                colors[y, x, :3] = corrected_color(color, dark, gains, zero_weakest, target)
+                colors[y, x, 3] = 1
+    return colors, reason
+
+
+def average_spots(image, inside, dark, min_signal, saturation, step, size):
+    """Return the mean color of each spot above the dark level, and whether all of it is lit."""
+    rows, columns = (n // step for n in inside.shape)
+    colors, lit = np.zeros((rows, columns, 3)), np.zeros((rows, columns), bool)
+    for row in range(rows):
+        for column in range(columns):
+            spot = [(y, x) for y in range(row * step, row * step + size)
+                    for x in range(column * step, column * step + size)]
+            colors[row, column] = np.mean([image[p].astype(float) - dark for p in spot], axis=0)
+            lit[row, column] = all(
+                inside[p] and max(image[p]) < saturation
+                and max(image[p].astype(float) - dark) >= min_signal for p in spot)
+    return colors, lit
+
+
+def color_distance(left, right):
+    """
+    Return the squared distance of two colors, scaled to each other (paper, sec. 2.2).
+
+    The factor s comes from the largest component of the left color.
+
+    """
+    largest = max(range(3), key=lambda j: left[j])
+    if right[largest] <= 0:
+        return math.inf
+    s = left[largest] / right[largest]
+    return sum((left[j] - s * right[j]) ** 2 for j in range(3))
+
+
+def pixel_cost(left, right, y, x_left, x_right):
+    """Return the cost of one pair of pixels in the kernels' units."""
+    if left[y, x_left, 3] == 0:
+        return UNUSABLE_COST
+    if not 0 <= x_right < right.shape[1] or right[y, x_right, 3] == 0:
+        return COST_CAP
+    return min(COST_CAP, COST_UNIT * color_distance(left[y, x_left, :3], right[y, x_right, :3]))
+
+
+def window_cost(left, right, y, x, disparity, reach_x, reach_y):
+    """Return Q of one left pixel and one disparity over the part of the window in the image."""
+    height, width = left.shape[:2]
+    return sum(pixel_cost(left, right, row, column, column - disparity)
+               for row in range(max(0, y - reach_y), min(height, y + reach_y + 1))
+               for column in range(max(0, x - reach_x), min(width, x + reach_x + 1)))
+
+
+def search(left, right, first, count, reach_x, reach_y, low, high):
+    """
+    Return winner (H, W, 2), costs (H, W, 4) and all window costs (H, W, count).
+
+    As the kernel: k of the winner and of the winner of its right pixel; costs before, at and
+    after the winner and of the best other local minimum.
+
+    """
+    height, width = left.shape[:2]
+    volume = np.array([[[window_cost(left, right, y, x, first + k, reach_x, reach_y)
+                         for k in range(count)] for x in range(width)] for y in range(height)])
+    winner, costs = np.full((height, width, 2), -1), np.zeros((height, width, 4))
+    for y in range(height):
+        for x in range(width):
+            if left[y, x, 3] > 0:
+                candidates = range(low[y, x], high[y, x])
+                winner[y, x, 0] = min(candidates, key=lambda k: volume[y, x, k])
+                costs[y, x] = _costs(volume[y, x], candidates, winner[y, x, 0])
+        for x in range(width):
+            if winner[y, x, 0] >= 0:
+                winner[y, x, 1] = _right_winner(volume[y], left[y, :, 3], x - winner[y, x, 0],
+                                                low[y], high[y])
+    return winner, costs, volume
+
+
+def _costs(volume, candidates, best):
+    around = [math.inf, *volume, math.inf]
+    others = [volume[k] for k in candidates if abs(k - best) > 1
+              and around[k + 1] <= around[k] and around[k + 1] <= around[k + 2]]
+    return around[best], around[best + 1], around[best + 2], min(others, default=math.inf)
+
+
+def _right_winner(volume, usable, shifted, low, high):
+    """Return the k of the cheapest left pixel whose candidate is the right pixel `shifted`."""
+    bids = [(volume[x, x - shifted], x - shifted) for x in range(len(volume))
+            if usable[x] > 0 and low[x] <= x - shifted < high[x]]
+    return min(bids)[1]
+
+
+def verdict(k, mirrored, column, right_row, low, high, count, costs, tolerance, uniqueness):
+    """Return the status code of one winner."""
+    if k in (0, count - 1):
+        return 7
+    if k in (low, high - 1) or not 0 <= column < len(right_row) or right_row[column, 3] == 0:
+        return 4
+    if tolerance > 0 and abs(mirrored - k) > tolerance:
+        return 6
+    if costs[0] - 2 * costs[1] + costs[2] <= 0:
+        return 5
+    if uniqueness > 0 and costs[3] <= costs[1] * (1 + uniqueness):
+        return 5
+    return 0
+
+
+def subpixel_offset(before, best, after, mode):
+    """Return the offset of the minimum, px: parabola, or the weighted neighbor of sec. 3."""
+    if mode == 'parabola':
+        a = (before + after) / 2 - best
+        b = (after - before) / 2
+        return -b / (2 * a)
+    if mode == 'weighted':
+        neighbor, side = (after, 1) if after < before else (before, -1)
+        # the position of each, weighted with the cost of the other: the lower cost weighs more
+        return side * best / (best + neighbor)
+    return 0.0
