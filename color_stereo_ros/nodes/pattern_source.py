@@ -41,16 +41,16 @@ class PatternNode(Node):
 
     def __init__(self):
         super().__init__('pattern_node', automatically_declare_parameters_from_overrides=True)
-        self._parameters = NodeParameters(self, PatternNodeSettings(), check=_check,
-                                          on_change=self._show)
+        parameters = NodeParameters(self, PatternNodeSettings(), check=_check,
+                                    on_change=self._show)
         options = QoSOverridingOptions.with_default_policies()
         self._image = self.create_publisher(Image, 'pattern/image', latched(),
                                             qos_overriding_options=options)
         self._info = self.create_publisher(String, 'pattern/info', latched(),
                                            qos_overriding_options=options)
-        self._parameters.warn_of_unknown()
-        _check(self._parameters.settings)
-        self._show(self._parameters.settings)
+        parameters.warn_of_unknown()
+        _check(parameters.settings)
+        self._show(parameters.settings)
 
     def _show(self, settings):
         pattern = make_pattern(settings.pattern)
