@@ -105,6 +105,8 @@ class StereoInputs:
         """Images that were refused, by side."""
         self.refusals = dict.fromkeys(SIDES)
         """Why the latest image was refused, or None if it was not, by side."""
+        self.zero_stamps = False
+        """The latest image had a stamp of zero."""
         self.subscriptions = [self._subscribe(parameters, side, kind)
                               for side in SIDES for kind in (Image, CameraInfo)]
 
@@ -123,9 +125,17 @@ class StereoInputs:
             self._node.get_logger().error(self.refusals[side], throttle_duration_sec=2.0)
             return
         self.refusals[side] = None
+        self._look_at_stamp(side, msg)
         pair = self.synchronizer.add(side, stamp_ns(msg.header), msg)
         if pair is not None:
             self._on_pair(pair)
+
+    def _look_at_stamp(self, side, msg):
+        self.zero_stamps = stamp_ns(msg.header) == 0
+        if self.zero_stamps:
+            self._node.get_logger().warning(
+                f'{side} image has a stamp of zero: pairs cannot be told apart',
+                throttle_duration_sec=5.0)
 
     def configure(self, sync):
         """Take new sync.* settings."""

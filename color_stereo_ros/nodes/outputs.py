@@ -59,6 +59,11 @@ class Outputs:
             event_callbacks=PublisherEventCallbacks(incompatible_qos=note_mismatch),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
+    @property
+    def names(self):
+        """Return the full names of the topics."""
+        return [publisher.topic_name for publisher in self._publishers.values()]
+
     def wanted(self):
         """Return the topics that have a subscriber, in the order of publication."""
         return [topic for topic, publisher in self._publishers.items()

@@ -145,8 +145,9 @@ class NodeParameters:
 
     def warn_of_unknown(self):
         """Report overrides that no parameter has taken; call it when all are declared."""
+        elsewhere = flat(RangeNodeSettings())  # one file may serve both nodes
         for name in self._given:
-            if not self.node.has_parameter(name):
+            if not self.node.has_parameter(name) and name not in elsewhere:
                 self.node.get_logger().warning(
                     f'parameter {name!r} is unknown and ignored{suggestion(name, self._types)}')
 

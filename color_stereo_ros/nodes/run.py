@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start a node, let it run, and leave with status 0 when asked to."""
 
+import os
 import signal
 import sys
+import threading
 
 
 def run(make_node, args=None):
@@ -24,9 +26,16 @@ def run(make_node, args=None):
     """
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
     try:
-        return _run(make_node, args)
+        status = _run(make_node, args)
     except KeyboardInterrupt:
-        return 0
+        status = 0
+    if any(thread.is_alive() for thread in threading.enumerate()
+           if thread is not threading.main_thread()):
+        # a thread that compiles cannot be interrupted, and must not see the interpreter go
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    return status
 
 
 def _run(make_node, args):

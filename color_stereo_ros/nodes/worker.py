@@ -16,6 +16,7 @@ from .messages import image_to_rgb
 from .synchroniser import LatestSlot
 
 _KEPT = 300
+_PATIENCE = 2.0  # s
 _WARM_UP_SIZE = (64, 48)
 
 
@@ -75,14 +76,17 @@ class Worker:
     setup : Setup
     publish : callable
         Called with (result, pair, setup) in the worker's thread.
+    fail : callable
+        Called with (pair, text) in the worker's thread when a pair gives no result.
     logger : object
         With the methods of an rclpy logger.
 
     """
 
-    def __init__(self, setup, publish, logger):
+    def __init__(self, setup, publish, fail, logger):
         self._wanted = setup
         self._publish = publish
+        self._fail = fail
         self._logger = logger
         self._built = None  # (key, ColorStereo)
         self._slot = LatestSlot()
@@ -96,10 +100,10 @@ class Worker:
         self._thread.start()
 
     def stop(self):
-        """Finish the pair at hand and end the thread."""
+        """Finish the pair at hand and end the thread; a kernel that compiles is not awaited."""
         self._slot.close()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(_PATIENCE)
 
     @property
     def dropped(self):
@@ -131,6 +135,8 @@ class Worker:
             except ColorStereoError as error:
                 self._note_failure(pair, str(error))
             except Exception as error:  # one bad pair must never end the node
+                if self._slot.closed:
+                    return
                 self._note_failure(pair, f'{type(error).__name__}: {error}',
                                    traceback.format_exc())
 
@@ -142,6 +148,8 @@ class Worker:
             ColorStereo(_any_calibration(), self._wanted.settings.core)
         except ColorStereoError:
             pass  # limits that do not fit this rig may fit the real one
+        if self._slot.closed:
+            return
         self.state = 'ready'
         self._logger.info(f'ready after {time.monotonic() - started:.1f} s')
 
@@ -151,13 +159,13 @@ class Worker:
         if pair is None:
             return
         if stereo is None:
-            self.account.uncalibrated += 1
+            self._note_uncalibrated(pair)
             return
         left, right = (_image(side, message) for side, message in (
             ('left', pair.left), ('right', pair.right)))
         result = stereo.process(left, right)
         if self._wanted.calibration is not setup.calibration:
-            self.account.uncalibrated += 1
+            self._note_uncalibrated(pair)
             return
         self._publish(result, pair, setup)
         self._note_success(result)
@@ -188,8 +196,14 @@ class Worker:
         self.account.result = result
         self.account.error = None
 
+    def _note_uncalibrated(self, pair):
+        self.account.uncalibrated += 1
+        self._fail(pair, 'there is no usable calibration')
+
     def _note_failure(self, pair, text, trace=''):
-        self.account.failed += pair is not None
+        if pair is not None:
+            self.account.failed += 1
+            self._fail(pair, text)
         self.account.error = text
         self._logger.error(f'{text}\n{trace}' if trace else text, throttle_duration_sec=2.0)
 

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node range_node as a managed one: configure, activate, deactivate, cleanup."""
+
+from .run import run
+
+
+def make_node():
+    """Return the node; what it needs is imported here, where Ctrl-C is handled already."""
+    from .range_node_class import LifecycleRangeNode
+    return LifecycleRangeNode()
+
+
+def main(args=None):
+    """Run the node; the entry point of `ros2 run color_stereo_ros lifecycle_range_node`."""
+    return run(make_node, args)
