@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""range_node over real DDS: every output, bit for bit."""
+
+from array import array
+import signal
+
+from color_stereo_ros.core import ColorStereo, Settings
+from color_stereo_ros.core.false_color import false_color
+
+import numpy as np
+
+import pytest
+
+from ros_rig import (calibration, DEPTH, floats, HEIGHT, image_message, NodeProcess, PAPER, Rig,
+                     scene, WIDTH)
+
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+
+from stereo_msgs.msg import DisparityImage
+
+TOPICS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
+          'disparity': DisparityImage, 'confidence/image': Image, 'depth_std/image': Image,
+          'status/image': Image, 'range_image': Image}
+SETTINGS = Settings().updated(PAPER)
+DEFAULTS = {'output.depth_encoding': '32FC1', 'output.frame': 'rectified',
+            'output.compact_points': False, 'input.rectified': False}
+
+
+@pytest.fixture(scope='module')
+def running(tmp_path_factory):
+    """Yield a rig with a node that has answered once."""
+    log = tmp_path_factory.mktemp('range_node') / 'log.txt'
+    node = NodeProcess(log, parameters=PAPER)
+    rig = Rig()
+    rig.process = node
+    for topic, kind in TOPICS.items():
+        rig.listen(kind, topic)
+    rig.wait_for_node()
+    rig.wait_for_publishers()
+    rig.first_output('range_image')
+    yield rig
+    status = node.stop()
+    rig.close()
+    assert status == 0, node.text()
+    assert 'Traceback' not in node.text()
+
+
+@pytest.fixture
+def rig(running):
+    """Yield the rig with the default outputs and the default cameras."""
+    yield running
+    running.calibration = calibration()
+    running.images = dict(zip(('left', 'right'), scene()))
+    result = running.set_parameters(**{name.replace('.', '__'): value
+                                       for name, value in DEFAULTS.items()})
+    assert result.successful, result.reason
+
+
+def expected(rig, **options):
+    """Return what the core makes of the rig's images."""
+    stereo = ColorStereo(rig.calibration, SETTINGS, **options)
+    return stereo.process(rig.images['left'], rig.images['right'])
+
+
+def all_outputs(rig):
+    """Send a pair and return its outputs by topic."""
+    stamp = rig.send_pair()
+    return {topic: rig.await_output(topic, stamp) for topic in TOPICS}
+
+
+def test_the_tiny_rig_measures_what_it_shows(rig):
+    result = expected(rig)
+    assert result.density > 0.5
+    np.testing.assert_allclose(np.nanmedian(result.depth), DEPTH, rtol=0.01)
+
+
+def test_depth_equals_the_core_bit_for_bit(rig):
+    msg = rig.good_pair()
+    assert (msg.encoding, msg.height, msg.width, msg.step) == ('32FC1', HEIGHT, WIDTH, 4 * WIDTH)
+    assert bytes(msg.data) == expected(rig).depth.tobytes()
+
+
+def test_every_output_carries_stamp_and_frame_of_the_left_image(rig):
+    outputs = all_outputs(rig)
+    assert {msg.header.frame_id for msg in outputs.values()} == {'left_camera_optical_frame'}
+    assert len({(msg.header.stamp.sec, msg.header.stamp.nanosec)
+                for msg in outputs.values()}) == 1
+
+
+def test_confidence_status_and_deviation_equal_the_core_bit_for_bit(rig):
+    outputs, result = all_outputs(rig), expected(rig)
+    assert bytes(outputs['confidence/image'].data) == result.confidence.tobytes()
+    assert bytes(outputs['status/image'].data) == result.status.tobytes()
+    assert outputs['status/image'].encoding == 'mono8'
+    assert bytes(outputs['depth_std/image'].data) == result.depth_std.tobytes()
+
+
+def test_points_are_the_back_projection_with_p_of_depth_camera_info(rig):
+    rig.calibration = calibration(verged=0.1)
+    rig.first_output('points')
+    outputs = all_outputs(rig)
+    p = outputs['depth/camera_info'].p.reshape(3, 4)
+    z = floats(outputs['depth/image']).astype(np.float64)
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    xyz = np.stack(((u - p[0, 2]) * z / p[0, 0], (v - p[1, 2]) * z / p[1, 1], z), axis=-1)
+    cloud = np.frombuffer(outputs['points'].data, np.float32).reshape(HEIGHT, WIDTH, 4)
+    np.testing.assert_allclose(cloud[..., :3], xyz, rtol=1e-6)
+    assert np.isfinite(z).any()
+
+
+def test_the_disparity_message_gives_the_same_depth(rig):
+    outputs = all_outputs(rig)
+    msg = outputs['disparity']
+    pixels = floats(msg.image)
+    known = pixels >= msg.min_disparity
+    z = floats(outputs['depth/image'])
+    np.testing.assert_array_equal(known, np.isfinite(z))
+    np.testing.assert_allclose(msg.f * msg.t / pixels[known], z[known], rtol=1e-6)
+
+
+def test_the_camera_info_is_the_rectified_left_camera(rig):
+    info = all_outputs(rig)['depth/camera_info']
+    np.testing.assert_array_equal(info.p.reshape(3, 4)[:, :3], rig.calibration.left.P[:, :3])
+    assert (info.width, info.height, list(info.d)) == (WIDTH, HEIGHT, [0.0] * 5)
+
+
+def test_the_range_image_is_the_false_color_picture_in_bgr(rig):
+    msg = all_outputs(rig)['range_image']
+    picture = false_color(expected(rig).depth, 0.25, 0.8)
+    assert msg.encoding == 'bgr8'
+    assert bytes(msg.data) == picture[..., ::-1].tobytes()
+
+
+@pytest.mark.parametrize('encoding', ['rgb8', 'bgr8', 'rgba8', 'bgra8'])
+def test_every_plain_encoding_gives_the_same_depth(rig, encoding):
+    stamp = rig.send_pair(**{side: image_message(image, encoding)
+                             for side, image in rig.images.items()})
+    assert bytes(rig.await_output('depth/image', stamp).data) == expected(rig).depth.tobytes()
+
+
+def test_padded_rows_give_the_same_depth(rig):
+    def padded(image):
+        rows = np.pad(image.reshape(HEIGHT, -1), ((0, 0), (0, 7)), constant_values=99)
+        return image_message(image, step=rows.shape[1], data=array('B', rows.tobytes()))
+
+    stamp = rig.send_pair(**{side: padded(image) for side, image in rig.images.items()})
+    assert bytes(rig.await_output('depth/image', stamp).data) == expected(rig).depth.tobytes()
+
+
+@pytest.mark.parametrize('bits', [8, 16])
+@pytest.mark.parametrize('pattern', ['rggb', 'bggr', 'gbrg', 'grbg'])
+def test_every_bayer_encoding_gives_the_depth_of_its_demosaiced_images(rig, pattern, bits):
+    from color_stereo_ros.nodes.messages import image_to_rgb
+
+    def mosaic(image):
+        flat = np.empty((HEIGHT, WIDTH), np.uint8)
+        for index, name in enumerate(pattern):
+            flat[index // 2::2, index % 2::2] = image[index // 2::2, index % 2::2,
+                                                      'rgb'.index(name)]
+        data = flat if bits == 8 else flat.astype(np.uint16) * 257
+        return Image(height=HEIGHT, width=WIDTH, encoding=f'bayer_{pattern}{bits}',
+                     step=data[0].nbytes, data=array('B', data.tobytes()))
+
+    messages = {side: mosaic(image) for side, image in rig.images.items()}
+    stamp = rig.send_pair(**messages)
+    depth = rig.await_output('depth/image', stamp)
+    rig.images = {side: image_to_rgb(message) for side, message in messages.items()}
+    assert bytes(depth.data) == expected(rig).depth.tobytes()
+
+
+def test_16uc1_is_millimeters_with_zero_for_unknown(rig):
+    assert rig.set_parameters(output__depth_encoding='16UC1').successful
+    msg = rig.good_pair()
+    depth = expected(rig).depth
+    millimeters = np.frombuffer(msg.data, np.uint16).reshape(HEIGHT, WIDTH)
+    assert msg.encoding == '16UC1'
+    np.testing.assert_array_equal(millimeters == 0, np.isnan(depth))
+    known = np.isfinite(depth)
+    assert np.abs(millimeters[known] - depth[known] * 1000.0).max() <= 0.501
+
+
+def test_the_compact_cloud_holds_the_known_points_only(rig):
+    assert rig.set_parameters(output__compact_points=True).successful
+    cloud = rig.good_pair('points')
+    result = expected(rig)
+    assert (cloud.height, cloud.width) == (1, np.isfinite(result.depth).sum())
+    assert cloud.is_dense
+    xyz = np.frombuffer(cloud.data, np.float32).reshape(-1, 4)[:, :3]
+    np.testing.assert_array_equal(xyz, result.points()[np.isfinite(result.depth)])
+
+
+def test_the_camera_frame_gives_points_rotated_by_r_transposed(rig):
+    rig.calibration = calibration(verged=0.2)
+    assert rig.set_parameters(output__frame='camera').successful
+    rig.send_pair()
+    rig.spin(0.5)
+    cloud = rig.good_pair('points')
+    rectified = expected(rig).points().astype(np.float64)
+    turned = rectified @ rig.calibration.left.R  # rows times R = R^T times columns
+    xyz = np.frombuffer(cloud.data, np.float32).reshape(HEIGHT, WIDTH, 4)[..., :3]
+    np.testing.assert_allclose(xyz, turned, rtol=1e-5, atol=1e-6)
+    assert np.isfinite(xyz).any()
+
+
+def test_rectified_input_is_not_rectified_again(rig):
+    rig.calibration = calibration(verged=0.1)
+    assert rig.set_parameters(input__rectified=True).successful
+    rig.send_pair()
+    rig.spin(0.5)
+    msg = rig.good_pair()
+    assert bytes(msg.data) == expected(rig, rectified_input=True).depth.tobytes()
+
+
+def test_settings_apply_from_the_next_pair_on_and_all_together(rig):
+    try:
+        result = rig.set_parameters(range__min_depth=0.3, range__max_depth=0.7)
+        assert result.successful, result.reason
+        settings = SETTINGS.updated({'range.min_depth': 0.3, 'range.max_depth': 0.7})
+        depth = ColorStereo(rig.calibration, settings).process(
+            rig.images['left'], rig.images['right']).depth
+        assert bytes(rig.good_pair().data) == depth.tobytes()
+    finally:
+        assert rig.set_parameters(range__min_depth=0.25, range__max_depth=0.8).successful
+
+
+def test_one_output_for_each_pair(rig):
+    rig.spin(0.3)
+    for messages in rig.received.values():
+        messages.clear()
+    sent = []
+    for _ in range(20):
+        sent.append(rig.send_pair())
+        rig.await_output('points', sent[-1])
+    assert rig.stamps('points') == sent
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_node_with_status_0_and_no_traceback(tmp_path, number):
+    node = NodeProcess(tmp_path / 'log.txt', parameters=PAPER)
+    node.wait_until_said('getting ready')
+    assert node.stop(number) == 0, node.text()
+    assert 'Traceback' not in node.text()
+
+
+def test_refused_overrides_end_the_node_with_status_1_and_the_reason(tmp_path):
+    node = NodeProcess(tmp_path / 'log.txt', parameters={'range.min_depth': 5000.0})
+    node.process.wait(60.0)
+    assert node.process.returncode == 1
+    assert 'range.min_depth = 5000.0 m is outside 0.001 .. 1000.0 m' in node.text()
+    assert 'Traceback' not in node.text()
