@@ -7,6 +7,7 @@ import numpy as np
 from .types import ImageError, RectifiedPair
 
 FAR_OUTSIDE = -1e4  # px, fits the 16-bit maps
+ROUNDING = 1 / 32   # px, the resolution of the maps
 
 
 class Rectifier:
@@ -119,4 +120,5 @@ def inside_image(x, y, width, height):
     """
     (x_row, x_column), (y_row, y_column) = np.gradient(x), np.gradient(y)
     upright = x_column * y_row - x_row * y_column > 0
-    return upright & (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    return (upright & (x >= -ROUNDING) & (x <= width - 1 + ROUNDING)
+            & (y >= -ROUNDING) & (y <= height - 1 + ROUNDING))

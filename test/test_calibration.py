@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calibrations: read, written, derived, and refused with field and value."""
+
+from types import SimpleNamespace
+
+from color_stereo_ros.core import CalibrationError, StereoCalibration
+import cv2
+import numpy as np
+import pytest
+from scenes import SCENES
+import yaml
+
+SIZE = (640, 480)
+K = np.array([[600.0, 0, 310.0], [0, 605.0, 250.0], [0, 0, 1]])
+D = [-0.21, 0.09, 0.001, -0.0005, -0.01]
+RATIONAL = [-0.21, 0.09, 0.001, -0.0005, -0.01, 0.1, 0.05, 0.002]
+FISHEYE = [0.05, -0.01, 0.003, -0.001]
+
+
+def camera_info(**changes):
+    """Return a left CameraInfo-like object of a rectified pair; changes replace fields."""
+    fields = dict(width=640, height=480, distortion_model='plumb_bob', d=[0.0] * 5,
+                  k=[600.0, 0, 320, 0, 600, 240, 0, 0, 1],
+                  r=[1.0, 0, 0, 0, 1, 0, 0, 0, 1],
+                  p=[600.0, 0, 320, 0, 0, 600, 240, 0, 0, 0, 1, 0])
+    return SimpleNamespace(**{**fields, **changes})
+
+
+def replaced(values, index, value):
+    """Return a copy of a list with one element replaced."""
+    values = list(values)
+    values[index] = value
+    return values
+
+
+LEFT = camera_info()
+RIGHT = camera_info(p=[600.0, 0, 330, -60.0, 0, 600, 240, 0, 0, 0, 1, 0])
+
+
+def verged(angle_left=0.1, angle_right=-0.25, D_left=(), D_right=(), model=None):
+    """Return a rig whose cameras turn in by different angles and tilt a little."""
+    rotation, _ = cv2.Rodrigues(np.array([0.01, angle_right - angle_left, -0.02]))
+    camera_in_left = np.array([0.2, 0.004, 0.03])
+    return StereoCalibration.from_arrays(SIZE, K, D_left, K, D_right, rotation,
+                                         -rotation @ camera_in_left, distortion_model=model)
+
+
+def test_the_shared_rig_is_read_from_yaml():
+    folder = SCENES / 'solids_hue1'
+    geometry = StereoCalibration.from_yaml(folder / 'left.yaml', folder / 'right.yaml').geometry
+    assert (geometry.width, geometry.height) == (512, 512)
+    assert geometry.baseline == pytest.approx(0.2, abs=1e-12)
+    assert geometry.principal_offset == pytest.approx(54.38025665 - 456.61974335, abs=1e-6)
+
+
+def test_rectification_from_arrays_reproduces_the_shared_rig():
+    folder = SCENES / 'solids_hue1'
+    stored = StereoCalibration.from_yaml(folder / 'left.yaml', folder / 'right.yaml')
+    rotation, translation = stored.right_from_left
+    derived = StereoCalibration.from_arrays((512, 512), stored.left.K, stored.left.D,
+                                            stored.right.K, stored.right.D, rotation, translation)
+    for side in ('left', 'right'):
+        np.testing.assert_allclose(getattr(derived, side).R, getattr(stored, side).R, atol=1e-9)
+        np.testing.assert_allclose(getattr(derived, side).P, getattr(stored, side).P, atol=1e-6)
+
+
+def test_right_from_left_returns_the_motion_it_was_built_from():
+    rotation, _ = cv2.Rodrigues(np.array([0.01, -0.35, -0.02]))
+    translation = -rotation @ [0.2, 0.004, 0.03]
+    calibration = StereoCalibration.from_arrays(SIZE, K, D, K, D, rotation, translation)
+    found_rotation, found_translation = calibration.right_from_left
+    np.testing.assert_allclose(found_rotation, rotation, atol=1e-9)
+    np.testing.assert_allclose(found_translation, translation, atol=1e-9)
+
+
+@pytest.mark.parametrize('coefficients, model', [
+    ((), 'plumb_bob'), (D[:4], 'plumb_bob'), (D, 'plumb_bob'),
+    (RATIONAL, 'rational_polynomial'), (FISHEYE, 'equidistant')])
+def test_a_point_lies_in_the_same_row_of_both_rectified_images(coefficients, model):
+    calibration = verged(D_left=coefficients, D_right=coefficients, model=model)
+    rotation, translation = calibration.right_from_left
+    in_left = np.array([0.05, -0.08, 0.9])
+    in_right = rotation @ in_left + translation
+    u_left, v_left = project(calibration.left, in_left)
+    u_right, v_right = project(calibration.right, in_right)
+    geometry = calibration.geometry
+    depth = (calibration.left.R @ in_left)[2]
+    assert v_left == pytest.approx(v_right, abs=1e-6)
+    assert u_left - u_right == pytest.approx(
+        geometry.focal_baseline / depth + geometry.principal_offset, abs=1e-6)
+
+
+def project(camera, point):
+    """Return the rectified pixel of a point in physical camera coordinates."""
+    u, v, w = camera.P[:, :3] @ camera.R @ point
+    return u / w, v / w
+
+
+def test_more_than_five_coefficients_mean_the_rational_model():
+    assert verged(D_left=RATIONAL).left.distortion_model == 'rational_polynomial'
+    assert verged(D_left=D).left.distortion_model == 'plumb_bob'
+
+
+def test_verged_cameras_have_different_principal_points():
+    assert abs(verged().geometry.principal_offset) > 50
+
+
+def test_camera_info_is_read_like_yaml():
+    calibration = StereoCalibration.from_camera_info(LEFT, RIGHT)
+    assert calibration.geometry.baseline == pytest.approx(0.1)
+    assert calibration.geometry.principal_offset == -10
+    assert calibration.left.K.dtype == np.float64 and calibration.left.K.shape == (3, 3)
+
+
+def test_an_empty_distortion_means_none():
+    info = camera_info(d=[])
+    assert StereoCalibration.from_camera_info(info, RIGHT).left.D.size == 0
+
+
+def test_writing_and_reading_changes_nothing(tmp_path):
+    calibration = verged(D_left=D, D_right=D)
+    paths = tmp_path / 'left.yaml', tmp_path / 'right.yaml'
+    calibration.to_yaml(*paths)
+    again = StereoCalibration.from_yaml(*paths)
+    for side in ('left', 'right'):
+        for field in 'DKRP':
+            np.testing.assert_array_equal(getattr(getattr(again, side), field),
+                                          getattr(getattr(calibration, side), field))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['left.yaml', 'right.yaml']
+
+
+def test_arrays_of_a_camera_cannot_be_changed():
+    with pytest.raises(ValueError, match='read-only'):
+        StereoCalibration.from_camera_info(LEFT, RIGHT).left.K[0, 0] = 1.0
+
+
+@pytest.mark.parametrize('changes, message', [
+    (dict(k=[0.0] * 9), r'left K\[0\] = 0.0 px.*not calibrated'),
+    (dict(k=replaced(LEFT.k, 4, -600.0)), r'left K\[4\] = -600.0 px'),
+    (dict(k=replaced(LEFT.k, 2, float('nan'))), r'left K\[2\] = nan is not a finite number'),
+    (dict(k=replaced(LEFT.k, 8, 0.0)), 'left K = .* is no camera matrix'),
+    (dict(k=LEFT.k[:8]), 'left K has 8 values, expected 9'),
+    (dict(k='abc'), "left K = 'abc' is no list of numbers"),
+    (dict(d=[0.0] * 3), 'left D has 3 values, expected 0 or 4 or 5 for distortion_model plumb'),
+    (dict(d=[float('inf')] * 5), r'left D\[0\] = inf'),
+    (dict(distortion_model='fov'), "left distortion_model = 'fov' is unknown, expected one of pl"),
+    (dict(distortion_model=''), "left distortion_model = '' is unknown"),
+    (dict(r=[0.0] * 9), 'left R = .* is not a rotation'),
+    (dict(r=[1, 0, 0, 0, 1, 0, 0, 0, -1]), 'left R = .* determinant -1'),
+    (dict(r=LEFT.r[:4]), 'left R has 4 values, expected 9'),
+    (dict(p=replaced(LEFT.p, 0, 0.0)), r'left P\[0\] = 0.0 px'),
+    (dict(p=replaced(LEFT.p, 5, -1.0)), r'left P\[5\] = -1.0 px'),
+    (dict(p=replaced(LEFT.p, 10, 2.0)), r'left P\[8..11\] = '),
+    (dict(p=replaced(LEFT.p, 1, 0.5)), 'left P.* has no skew'),
+    (dict(p=LEFT.p[:11]), 'left P has 11 values, expected 12'),
+    (dict(p=replaced(LEFT.p, 3, -60.0)), r'left P\[3\] = -60.0 px m.*swapped'),
+    (dict(p=replaced(LEFT.p, 7, 5.0)), r'left P\[7\] = 5.0 px m'),
+    (dict(width=0), 'left width = 0 px is not an image size'),
+    (dict(height=-480), 'left height = -480 px is not an image size'),
+    (dict(width=640.5), 'left width = 640.5 px is not an image size'),
+    (dict(width=1280), 'left width x height = 1280 x 480 px, right = 640 x 480 px'),
+])
+def test_an_impossible_left_camera_is_refused(changes, message):
+    with pytest.raises(CalibrationError, match=message):
+        StereoCalibration.from_camera_info(camera_info(**changes), RIGHT)
+
+
+@pytest.mark.parametrize('index, value, message', [
+    (3, 0.0, r'right P\[3\] = 0.0 px m: the pair has no baseline'),
+    (3, 60.0, r'right P\[3\] = 60.0 px m is positive.*swapped'),
+    (3, -60000.0, 'baseline of 100 m, outside 0.001 .. 5.0 m: given in millimeters'),
+    (3, -0.06, 'baseline of 0.0001 m, outside'),
+    (7, -60.0, r'right P\[7\] = -60.0 px m: cameras above one another'),
+    (0, 610.0, r'left P\[0\] = 600.0 px and right P\[0\] = 610.0 px.*focal length fx'),
+    (5, 590.0, r'left P\[5\] = 600.0 px and right P\[5\] = 590.0 px.*focal length fy'),
+    (6, 241.0, r'left P\[6\] = 240.0 px and right P\[6\] = 241.0 px.*principal row cy'),
+])
+def test_an_impossible_pair_is_refused(index, value, message):
+    with pytest.raises(CalibrationError, match=message):
+        StereoCalibration.from_camera_info(LEFT, camera_info(p=replaced(RIGHT.p, index, value)))
+
+
+def test_swapped_cameras_are_recognized():
+    with pytest.raises(CalibrationError, match='swapped'):
+        StereoCalibration.from_camera_info(RIGHT, LEFT)
+
+
+@pytest.mark.parametrize('rotation, translation, message', [
+    (np.eye(3), [0.2, 0, 0], r't = \[0.2, 0.0, 0.0\] m.*swapped'),
+    (np.eye(3), [-0.01, -0.2, 0], 'expected to its right'),
+    (np.eye(3), [-0.2, 0], 'expected 3 finite numbers'),
+    (np.eye(3), [np.nan, 0, 0], 'expected 3 finite numbers'),
+    (2 * np.eye(3), [-0.2, 0, 0], 'R = .* is not a rotation'),
+    (np.eye(2), [-0.2, 0, 0], 'expected 3 x 3 finite numbers'),
+    (np.eye(3), [-200.0, 0, 0], 'baseline of 200 m.*millimeters'),
+])
+def test_an_impossible_motion_is_refused(rotation, translation, message):
+    with pytest.raises(CalibrationError, match=message):
+        StereoCalibration.from_arrays(SIZE, K, D, K, D, rotation, translation)
+
+
+def test_an_impossible_size_is_refused():
+    with pytest.raises(CalibrationError, match=r'size = 640, expected \(width, height\)'):
+        StereoCalibration.from_arrays(640, K, D, K, D, np.eye(3), [-0.2, 0, 0])
+
+
+@pytest.mark.parametrize('content, message', [
+    ('just words', 'holds a str'),
+    ('[1, 2', 'is no YAML'),
+    ('', 'holds a NoneType'),
+    ('image_width: 640', "no usable field 'image_height'"),
+    (b'\xff\xfe\x00\x9f', 'cannot be read'),
+])
+def test_a_file_that_is_no_calibration_is_refused(tmp_path, content, message):
+    path = tmp_path / 'left.yaml'
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(CalibrationError, match=message) as error:
+        StereoCalibration.from_yaml(path, path)
+    assert str(path) in str(error.value)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(CalibrationError, match='left calibration .*none.yaml cannot be read'):
+        StereoCalibration.from_yaml(tmp_path / 'none.yaml', tmp_path / 'none.yaml')
+
+
+def test_an_impossible_value_in_a_file_names_file_and_field(tmp_path):
+    path = tmp_path / 'left.yaml'
+    content = yaml.safe_load((SCENES / 'solids_hue1' / 'left.yaml').read_text())
+    content['camera_matrix']['data'][0] = 0.0
+    path.write_text(yaml.safe_dump(content))
+    with pytest.raises(CalibrationError, match=r'left.yaml: left K\[0\] = 0.0 px'):
+        StereoCalibration.from_yaml(path, SCENES / 'solids_hue1' / 'right.yaml')
+
+
+def test_a_file_that_cannot_be_written_is_reported(tmp_path):
+    with pytest.raises(CalibrationError, match='cannot be written'):
+        StereoCalibration.from_camera_info(LEFT, RIGHT).to_yaml(
+            tmp_path / 'none' / 'left.yaml', tmp_path / 'none' / 'right.yaml')

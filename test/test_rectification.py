@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rectification: points land where the projection says, and outside is known as outside."""
+
+from dataclasses import replace
+
+from color_stereo_ros.core import ColorStereo, ImageError, StereoCalibration
+from color_stereo_ros.core.rectification import FAR_OUTSIDE, inside_image, raw_coordinates, Rectifier
+import cv2
+import numpy as np
+import pytest
+from scenes import paper_settings, parallel_rig
+
+SIZE = (160, 120)
+K = np.array([[150.0, 0, 78.0], [0, 152.0, 61.0], [0, 0, 1]])
+MODELS = {
+    'plumb_bob': [-0.25, 0.08, 0.002, -0.001, 0.0],
+    'rational_polynomial': [-0.25, 0.08, 0.002, -0.001, 0.0, 0.05, 0.01, 0.0],
+    'equidistant': [0.05, -0.02, 0.003, -0.001],
+}
+
+
+def rig(model, turn=0.3):
+    """Return a verged rig with lens distortion."""
+    rotation, _ = cv2.Rodrigues(np.array([0.0, turn, 0.02]))
+    return StereoCalibration.from_arrays(SIZE, K, MODELS[model], K, MODELS[model], rotation,
+                                         -rotation @ [0.1, 0, 0.01], distortion_model=model)
+
+
+def raw_pixel(camera, point):
+    """Return the raw pixel of a point in physical camera coordinates, by OpenCV's projection."""
+    point = np.asarray(point, float).reshape(1, 1, 3)
+    if camera.distortion_model == 'equidistant':
+        return cv2.fisheye.projectPoints(point, np.zeros(3), np.zeros(3), camera.K.copy(),
+                                         camera.D.copy())[0].ravel()
+    return cv2.projectPoints(point, np.zeros(3), np.zeros(3), camera.K.copy(),
+                             camera.D.copy())[0].ravel()
+
+
+@pytest.mark.parametrize('model', MODELS)
+def test_rectified_pixels_are_taken_from_where_the_lens_puts_them(model):
+    camera = rig(model).left
+    x, y = raw_coordinates(camera)
+    for row, column in ((10, 20), (60, 80), (110, 140)):
+        ray = np.linalg.solve(camera.P[:, :3] @ camera.R, [column, row, 1.0])
+        expected = raw_pixel(camera, ray)
+        np.testing.assert_allclose((x[row, column], y[row, column]), expected, atol=2e-3)
+
+
+@pytest.mark.parametrize('model', MODELS)
+def test_a_point_is_seen_in_the_same_rectified_row(model):
+    calibration = rig(model)
+    point = np.array([0.02, 0.03, 0.6])
+    rotation, translation = calibration.right_from_left
+    images = [spot(camera, position) for camera, position in (
+        (calibration.left, point), (calibration.right, rotation @ point + translation))]
+    pair = Rectifier(calibration).rectify(*images)
+    (row_left, column_left), (row_right, column_right) = (
+        centroid(image) for image in (pair.left, pair.right))
+    geometry = calibration.geometry
+    depth = (calibration.left.R @ point)[2]
+    assert row_left == pytest.approx(row_right, abs=0.1)
+    assert column_left - column_right == pytest.approx(
+        geometry.focal_baseline / depth + geometry.principal_offset, abs=0.1)
+
+
+def spot(camera, point):
+    """Return a raw image with a smooth bright spot where the camera sees the point."""
+    x, y = raw_pixel(camera, point)
+    columns, rows = np.arange(SIZE[0]), np.arange(SIZE[1])[:, None]
+    brightness = 250 * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / (2 * 3.0 ** 2))
+    return np.repeat(np.rint(brightness).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def centroid(image):
+    """Return the (row, column) of the center of brightness."""
+    weight = image[..., 0].astype(float)
+    rows, columns = np.indices(weight.shape)
+    return (weight * rows).sum() / weight.sum(), (weight * columns).sum() / weight.sum()
+
+
+def test_an_ideal_rig_is_not_changed():
+    image = np.random.default_rng(1).integers(0, 256, (24, 64, 3), np.uint8)
+    pair = Rectifier(parallel_rig()).rectify(image, image)
+    np.testing.assert_array_equal(pair.left, image)
+    np.testing.assert_array_equal(pair.right, image)
+    assert pair.left_inside.all() and pair.right_inside.all()
+
+
+def test_rectified_input_is_passed_on_unchanged():
+    image = np.random.default_rng(1).integers(0, 256, (SIZE[1], SIZE[0], 3), np.uint8)
+    pair = Rectifier(rig('plumb_bob'), rectified_input=True).rectify(image, image)
+    np.testing.assert_array_equal(pair.left, image)
+    assert pair.left_inside.all() and pair.right_inside.all()
+
+
+def test_pixels_without_a_raw_pixel_are_marked_and_black():
+    cameras = [replace(camera, P=camera.P + np.array([[0, 0, 40.0, 0], [0] * 4, [0] * 4]))
+               for camera in (rig('plumb_bob').left, rig('plumb_bob').right)]
+    white = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
+    pair = Rectifier(StereoCalibration(*cameras)).rectify(white, white)
+    outside = ~pair.left_inside
+    assert outside.any() and not outside.all()
+    assert (pair.left[pair.left_inside] >= 240).all()
+    assert (pair.left[:, :20] == 0).all() and outside[:, :20].all()
+
+
+def test_rays_behind_the_raw_camera_are_far_outside():
+    camera = rig('plumb_bob').left
+    turned = camera.R @ cv2.Rodrigues(np.array([0.0, 1.8, 0.0]))[0]
+    behind = type(camera)('left', *SIZE, camera.distortion_model, camera.D, camera.K, turned,
+                          camera.P)
+    x, _ = raw_coordinates(behind)
+    assert (x == FAR_OUTSIDE).any()
+
+
+def test_a_mirrored_part_of_the_map_is_outside():
+    columns, rows = np.meshgrid(np.arange(10.0), np.arange(8.0))
+    inside = inside_image(9.0 - columns, rows, 10, 8)
+    assert not inside.any()
+    assert inside_image(columns, rows, 10, 8).all()
+
+
+@pytest.mark.parametrize('image, message', [
+    (None, 'left image is a NoneType, expected a numpy array'),
+    ([[0]], 'left image is a list'),
+    (np.zeros((24, 64, 3), np.float32), 'left image has dtype float32, expected uint8'),
+    (np.zeros((24, 64, 3), np.uint16), 'left image has dtype uint16, expected uint8'),
+    (np.zeros((24, 64), np.uint8), r'left image has shape \(24, 64\), expected \(24, 64, 3\)'),
+    (np.zeros((64, 24, 3), np.uint8), r'left image has shape \(64, 24, 3\), expected'),
+    (np.zeros((24, 64, 4), np.uint8), r'left image has shape \(24, 64, 4\), expected'),
+    (np.zeros((0, 0, 3), np.uint8), r'left image has shape \(0, 0, 3\), expected'),
+])
+def test_a_wrong_image_is_refused_by_name_and_value(image, message):
+    stereo = ColorStereo(parallel_rig(), paper_settings())
+    good = np.zeros((24, 64, 3), np.uint8)
+    with pytest.raises(ImageError, match=message):
+        stereo.process(image, good)
+    with pytest.raises(ImageError, match=message.replace('left', 'right', 1)):
+        stereo.process(good, image)
+
+
+def test_images_need_not_be_contiguous():
+    calibration = parallel_rig()
+    image = np.random.default_rng(1).integers(0, 256, (24, 64, 3), np.uint8)
+    bgr = np.ascontiguousarray(image[..., ::-1])
+    pair = Rectifier(calibration).rectify(bgr[..., ::-1], bgr[..., ::-1])
+    np.testing.assert_array_equal(pair.left, image)
