@@ -37,7 +37,7 @@ MATERIALS = {
                                                   'scale': 14.0}),
     'bright_plastic': Material((0.72, 0.68, 0.60), gloss=0.15),
     'glossy_plastic': Material((0.60, 0.60, 0.62), gloss=0.06),
-    'dark_plastic': Material((0.05, 0.05, 0.055), gloss=0.25),
+    'dark_plastic': Material((0.04, 0.04, 0.044), gloss=0.12),
     'red_plastic': Material((0.55, 0.10, 0.08), gloss=0.15),
     'blue_plastic': Material((0.10, 0.16, 0.50), gloss=0.15),
     'green_plastic': Material((0.12, 0.42, 0.15), gloss=0.15),
@@ -51,7 +51,7 @@ MATERIALS = {
     'aluminium': Material((0.45, 0.45, 0.46), metal=(0.91, 0.92, 0.92), roughness=(0.4, 0.4),
                           metal_share=0.5),
     'polished_brass': Material((0.25, 0.20, 0.10), metal=(0.90, 0.75, 0.40),
-                               roughness=(0.22, 0.22), metal_share=0.8),
+                               roughness=(0.14, 0.14), metal_share=0.92),
 }
 TEXTURES = ('none', 'checker', 'grain', 'speckle', 'print', 'stripes', 'image')
 
@@ -157,21 +157,21 @@ def _grain(generator, x, y, scale):
 def _print(generator, blobs):
     """Return colored patches, bars and disks: a printed package."""
     import cv2
-    ink = np.zeros((TEXTURE_SIZE, TEXTURE_SIZE, 3), np.float32)
-    ink[blobs > 0.55] = (0.2, 0.5, 0.8)
+    ink = np.zeros((TEXTURE_SIZE, TEXTURE_SIZE, 3), np.uint8)
+    ink[blobs > 0.55] = (50, 128, 204)
     for _ in range(60):
         corner = generator.integers(0, TEXTURE_SIZE, 2)
         size = generator.integers(6, 70, 2)
-        color = tuple(float(c) for c in generator.uniform(0, 1, 3))
+        color = generator.integers(0, 256, 3).tolist()
         if generator.random() < 0.5:
             cv2.rectangle(ink, corner.tolist(), (corner + size).tolist(), color, -1)
         else:
             cv2.circle(ink, corner.tolist(), int(size[0] // 2), color, -1, cv2.LINE_AA)
     for row in range(40, TEXTURE_SIZE, 60):
         text = ''.join(chr(generator.integers(65, 91)) for _ in range(24))
-        cv2.putText(ink, text, (5, row), cv2.FONT_HERSHEY_SIMPLEX, 0.9, (0.95, 0.95, 0.95), 2,
+        cv2.putText(ink, text, (5, row), cv2.FONT_HERSHEY_SIMPLEX, 0.9, (242, 242, 242), 2,
                     cv2.LINE_AA)
-    return ink
+    return ink.astype(np.float32) / 255
 
 
 def reflectance(mitsuba, material, color):

@@ -151,10 +151,11 @@ def _description(source, shipped, names, kind, folder=Path('.')):
 
 
 def _fingerprint(content, rig_content, objects):
-    """Return a hash that changes with anything that changes the light."""
+    """Return a hash of all that the light depends on, named materials and files included."""
     digest = hashlib.sha256(json.dumps([content, rig_content], sort_keys=True,
                                        default=str).encode())
     for thing in objects:
+        digest.update(repr(thing.material).encode())
         for file in (thing.form.get('file'), thing.material.texture.get('file')):
             if file:
                 digest.update(Path(file).read_bytes())
