@@ -136,7 +136,7 @@ def compared_with_noise(run, scene):
         `best`: the first of the two that is there; and the window.
 
     """
-    window = window_of(run.method, run.settings.matching)
+    window = window_of(run.method, run.settings)
     measured = (measured_noise(run.pair, scene.truth),) * 2
     figures = {'window': asdict(window)}
     for name, noise in (('camera', scene.noise), ('pair', measured)):
@@ -146,14 +146,17 @@ def compared_with_noise(run, scene):
     return figures
 
 
-def window_of(method, matching):
+def window_of(method, settings):
     """
     Return the window over which a method decides a disparity.
 
-    StereoSGBM and 3WAY carry their decision beyond their 5 x 5 block, along paths; they are
-    measured against the same 9 x 9 plane as the surface method.
+    The paper's smoothing widens its window by its standard deviation on either side. StereoSGBM
+    and 3WAY carry their decision beyond their 5 x 5 block, along paths; they are measured against
+    the same 9 x 9 plane as the surface method.
 
     """
     if method == 'paper':
-        return Window(matching.window_width, matching.window_height, 'constant')
+        wider = 2 * round(settings.color.smoothing)
+        return Window(settings.matching.window_width + wider,
+                      settings.matching.window_height + wider, 'constant')
     return Window(15, 15, 'constant') if method == 'bm' else Window()
