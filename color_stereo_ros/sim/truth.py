@@ -10,6 +10,7 @@ from .geometry import distort
 from .projection import projector_coordinates
 from .variant import is_vectorized
 
+BORDER = 1e-3      # px, rounding at the border of an image
 GAP = 2e-5          # m, start of a shadow ray above the surface
 EDGE_STEP = 0.01    # relative change of depth between neighbors that makes an edge
 EDGE_REGION = 5     # px, half width of the region around an edge
@@ -94,8 +95,8 @@ def inside_image(camera, points):
     spot = distort(rays, camera.distortion_model, camera.D)
     column = spot[:, 0] * camera.K[0, 0] + camera.K[0, 2]
     row = spot[:, 1] * camera.K[1, 1] + camera.K[1, 2]
-    return (ahead & (column >= 0) & (column <= camera.width - 1)
-            & (row >= 0) & (row <= camera.height - 1))
+    return (ahead & (np.abs(column - (camera.width - 1) / 2) <= (camera.width - 1) / 2 + BORDER)
+            & (np.abs(row - (camera.height - 1) / 2) <= (camera.height - 1) / 2 + BORDER))
 
 
 def rectified_rays(rig):
