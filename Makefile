@@ -7,7 +7,7 @@ COLOR_STEREO := .venv/bin/color_stereo
 # Nothing that runs here is meant to be seen by, or to see, another machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test bench evaluate floor clean
+.PHONY: help demo test bench evaluate floor tables clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
@@ -34,7 +34,11 @@ floor:  ## run the tests of the core on the oldest versions that are supported
 	  .venv-floor/bin/python -m pip install -q -r test/floor-requirements.txt && \
 	  .venv-floor/bin/python -m pytest -p no:cacheprovider
 
+tables:  ## make the tables in README and docs anew from the code
+	@.ci/setup ros,tools
+	@$(PYTHON_RUN) -m color_stereo_ros.tools.tables
+
 clean:  ## remove everything that the other targets made
 	rm -rf .venv .venv-floor build install log demo_output evaluation_output bench_output \
-	  render_output .pytest_cache .numba_cache *.egg-info
+	  render_output process_output .pytest_cache .numba_cache *.egg-info
 	find color_stereo_ros test -name __pycache__ -prune -exec rm -rf {} +

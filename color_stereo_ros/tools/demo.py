@@ -3,8 +3,6 @@
 
 SUMMARY = 'play the sample recordings through both nodes and show what comes out'
 
-WAIT = 90.0  # s until the first output: the kernels are compiled once per machine
-
 
 def add_arguments(parser):
     """Declare the arguments."""
@@ -13,6 +11,9 @@ def add_arguments(parser):
                              'sample)')
     parser.add_argument('--output', default='demo_output', metavar='FOLDER',
                         help='folder to fill (default demo_output)')
+    parser.add_argument('--wait', type=float, default=120.0, metavar='S',
+                        help='give up if a node says nothing for so long, s (default 120: the '
+                             'kernels are compiled once per machine)')
 
 
 def run(args):
@@ -25,5 +26,5 @@ def run(args):
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ.setdefault('ROS_DOMAIN_ID', str(SystemRandom().randint(1, 100)))
     from .demo_run import Demo
-    page = Demo(Path(args.samples), Path(args.output), WAIT).run()
+    page = Demo(Path(args.samples), Path(args.output), args.wait).run()
     print(f'\nThe page is ready: {page.resolve()}')

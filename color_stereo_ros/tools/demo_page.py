@@ -18,6 +18,7 @@ from .plots import error_plot, surface_plot
 
 VIEWER_STEP = 2   # px: every second pixel of every second row goes into the 3-D viewer
 PREVIEW_WIDTH = 560
+OVERVIEW_HEIGHT = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +97,29 @@ def summary_table(measurements):
                         for item, figures in zip(measurements, found))
         lines.append(f'<tr><td>{title}</td>{cells}</tr>')
     return '\n'.join([*lines, '</table>'])
+
+
+def one_line(item):
+    """Return the most important figures of a measurement as a sentence."""
+    titles = ('visible pixels with a range', 'visible pixels right within 1 %',
+              'depth error, mean')
+    cells = dict(ROWS)
+    return ', '.join(f'{title} {_cell(cells[title], item, item.figures)}' for title in titles)
+
+
+def overview(item):
+    """Return the raw left image, the range image and the surface side by side, RGB."""
+    near, far = surface_limits(item.result.depth)
+    surface = cv2.imdecode(np.frombuffer(surface_plot(item.points, near, far), np.uint8),
+                           cv2.IMREAD_COLOR)[..., ::-1]
+    pictures = [_of_height(image, OVERVIEW_HEIGHT)
+                for image in (item.left, item.range_image, surface)]
+    return np.concatenate(pictures, axis=1)
+
+
+def _of_height(image, height):
+    width = round(image.shape[1] * height / image.shape[0])
+    return cv2.resize(np.ascontiguousarray(image), (width, height), interpolation=cv2.INTER_AREA)
 
 
 def _cell(cell, item, figures):

@@ -12,17 +12,18 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 
-from ..core import RecordingError, RangeResult, Settings, StereoCalibration
+from ..core import RangeResult, RecordingError, Settings, StereoCalibration
 from ..core.triangulation import disparity_from_depth, disparity_limits
 from ..evaluation.datasets import load_truth
-from ..nodes.messages import image_to_rgb
+from ..nodes.cloud_files import save_cloud
+from ..nodes.messages import image_to_rgb, millimeters
 from . import sample
 from .arguments import read_settings
-from .demo_page import Measurement, depth_preview, make_page, surface_limits
+from .demo_page import (depth_preview, make_page, Measurement, one_line, overview,
+                        surface_limits)
 from .files import write_bytes, write_image, write_text
 from .live import Collector, LiveError, Processes, latched, ros_node, spin_until
 from .plots import surface_plot
-from .ply import write_ply
 from .recording import Recording
 
 OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
@@ -68,6 +69,7 @@ class Demo:
         with ros_node('color_stereo_demo') as node:
             measurements = [self._measure(node, folder) for folder in self.samples]
         self._say('writing the page')
+        write_image(self.output / 'overview.png', overview(measurements[-1]))
         page = self.output / 'index.html'
         made = (f'Made on {datetime.now():%Y-%m-%d %H:%M} with {os.cpu_count()} processor cores, '
                 f'Python {platform.python_version()}.')
@@ -90,9 +92,7 @@ class Demo:
             name=folder.name, method=settings.matching.method, left=left, right=right,
             pattern=pattern, range_image=image_to_rgb(messages['range_image']), result=result,
             points=points_from(messages['points']), truth=truth, seconds=seconds)
-        found = measurement.figures
-        self._say(f'{folder.name}: density {found["density"]:.3f}, right within 1 % '
-                  f'{found["correct"]:.3f}, mean error {found["mean_percent"]:.3f} %')
+        self._say(f'{folder.name}: {one_line(measurement)}')
         write_files(self.output / folder.name, measurement)
         return measurement
 
@@ -174,11 +174,10 @@ def result_from(messages, calibration, settings):
 
 def write_files(folder, measurement):
     """Write pictures, depth and points of a measurement into a folder."""
-    from ..nodes.messages import millimeters
     result = measurement.result
     near, far = surface_limits(result.depth)
     write_image(folder / 'range_image.png', measurement.range_image)
     write_image(folder / 'depth_mm.png', millimeters(result.depth))
     write_image(folder / 'depth_preview.png', depth_preview(result.depth))
     write_bytes(folder / 'surface.png', surface_plot(measurement.points, near, far))
-    write_ply(folder / 'points.ply', measurement.points, result.image)
+    save_cloud(folder / 'points.ply', measurement.points, result.image)

@@ -47,7 +47,7 @@ def surface_plot(points, near, far):
     axes.set_xlabel('x, mm')
     axes.set_ylabel('depth, mm')
     axes.set_zlabel('height, mm')
-    axes.view_init(elev=28, azim=-62)
+    axes.view_init(elev=22, azim=-70)
     return _png(figure)
 
 

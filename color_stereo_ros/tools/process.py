@@ -63,9 +63,9 @@ def write_result(folder, result, limits):
     import numpy as np
 
     from ..core.false_color import false_color
+    from ..nodes.cloud_files import save_cloud
     from ..nodes.messages import millimeters
     from .files import write_image
-    from .ply import write_ply
     images = {
         'depth_mm.png': millimeters(result.depth),
         'depth.tiff': result.depth,
@@ -75,4 +75,4 @@ def write_result(folder, result, limits):
         'range_image.png': false_color(result.depth, limits.min_depth, limits.max_depth)}
     for name, image in images.items():
         write_image(folder / name, image)
-    write_ply(folder / 'points.ply', result.points(), result.image)
+    save_cloud(folder / 'points.ply', result.points(), result.image)

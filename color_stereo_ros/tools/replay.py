@@ -6,6 +6,7 @@ import time
 
 SUMMARY = 'publish a recording on real topics'
 
+SECOND = 1_000_000_000
 LARGEST_STEP = 0.05  # s: how long a signal or a late subscriber may wait to be noticed
 
 
@@ -16,8 +17,8 @@ def add_arguments(parser):
                         help='speed, 1 = as recorded (default)')
     parser.add_argument('--loop', action='store_true', help='start again at the end')
     parser.add_argument('--stamps', choices=('original', 'now'), default='original',
-                        help='stamps of the messages: as recorded (default) or the time of '
-                             'publication')
+                        help='stamps of the messages: as recorded (default), or shifted to the '
+                             'time of replay')
     parser.add_argument('--namespace', default='', metavar='NAME',
                         help='put a namespace before every topic')
     parser.add_argument('--topics', nargs='+', metavar='TOPIC', help='only these topics')
@@ -59,7 +60,7 @@ class Player:
     namespace : str
         Goes before every topic.
     restamp : bool
-        Replace the stamps by the time of publication.
+        Shift the stamps to the time of replay; what had one stamp has one again.
 
     Raises
     ------
@@ -106,15 +107,16 @@ class Player:
 
         """
         start, first = time.monotonic(), None
+        start_ns = self._node.get_clock().now().nanoseconds
         for message in self.recording.messages(self.topics):
             first = message.time_ns if first is None else first
             _sleep_until(start + (message.time_ns - first) * 1e-9 / rate)
-            self._publish(message)
+            self._publish(message, lambda stamp: start_ns + round((stamp - first) / rate))
         most = max(self.recording.counts[topic] for topic in self.topics)
         period = self.recording.duration / max(most - 1, 1)
         _sleep_until(start + (self.recording.duration + period) / rate)
 
-    def _publish(self, message):
+    def _publish(self, message, shifted):
         publisher = self.publishers[message.topic]
         if not self._restamp:
             publisher.publish(message.data)
@@ -122,7 +124,9 @@ class Player:
         from rclpy.serialization import deserialize_message
         content = deserialize_message(message.data, self._types[message.topic])
         if hasattr(content, 'header'):
-            content.header.stamp = self._node.get_clock().now().to_msg()
+            stamp = content.header.stamp
+            nanoseconds = shifted(stamp.sec * SECOND + stamp.nanosec)
+            stamp.sec, stamp.nanosec = divmod(nanoseconds, SECOND)
         publisher.publish(content)
 
     def finish(self):

@@ -9,7 +9,7 @@ def add_arguments(parser):
     from .arguments import add_settings_arguments
     parser.add_argument('--format', choices=('table', 'yaml', 'markdown'), default='table',
                         help='table: for reading (default); yaml: for --params-file; markdown: '
-                             'the table of the README')
+                             'for documents')
     add_settings_arguments(parser)
 
 
@@ -34,7 +34,7 @@ def rows(settings):
 
 
 def _text(value):
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    return str(value).lower() if isinstance(value, bool) else str(value) or "''"
 
 
 def _legal(value, meta):
@@ -42,6 +42,8 @@ def _legal(value, meta):
         return ', '.join(meta['choices'])
     if isinstance(value, bool):
         return 'true, false'
+    if isinstance(value, str):
+        return 'text'
     limits = f'{meta["minimum"]} .. {meta["maximum"]}'
     return f'{limits} {meta["unit"]}'.strip()
 

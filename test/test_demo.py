@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demonstration, replay and conversion: recordings through real topics."""
+
+import re
+import signal
+import subprocess
+import sys
+
+from color_stereo_ros.tools import cli
+from color_stereo_ros.tools.arguments import settings_yaml
+from color_stereo_ros.tools.files import write_image
+from color_stereo_ros.tools.recording import Recording, write_recording
+
+import numpy as np
+
+import pytest
+
+from rclpy.serialization import deserialize_message
+
+from ros_rig import calibration, DEPTH, DISPARITY, HEIGHT, NodeProcess, PAPER, Rig, scene, WIDTH
+
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+
+from stereo_msgs.msg import DisparityImage
+
+COMMAND = [sys.executable, '-m', 'color_stereo_ros.tools.cli']
+SECOND = 1_000_000_000
+OUTPUTS = {'points': PointCloud2, 'depth/image': Image, 'depth/camera_info': CameraInfo,
+           'disparity': DisparityImage, 'confidence/image': Image, 'depth_std/image': Image,
+           'status/image': Image, 'range_image': Image}
+
+
+@pytest.fixture
+def scene_folder(tmp_path):
+    """Return a folder with the tiny rig's card, as both cameras see it, and the truth."""
+    folder = tmp_path / 'card'
+    folder.mkdir()
+    calibration().to_yaml(folder / 'left.yaml', folder / 'right.yaml')
+    for side, image in zip(('left', 'right'), scene()):
+        write_image(folder / f'{side}.png', image)
+    visible = np.ones((HEIGHT, WIDTH), bool)
+    visible[:, :DISPARITY] = False
+    np.savez(folder / 'truth.npz', depth=np.full((HEIGHT, WIDTH), DEPTH, np.float32),
+             visible=visible)
+    return folder
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Return a recording of two pairs of the tiny rig."""
+    with write_recording(tmp_path / 'recorded') as writer:
+        for index in range(2):
+            writer.write_pair(SECOND * (10 + index), *scene(seed=index), calibration())
+    return tmp_path / 'recorded'
+
+
+@pytest.fixture
+def parameters(tmp_path):
+    """Return a parameter file for the tiny rig."""
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(settings_yaml(PAPER))
+    return path
+
+
+def sample_options():
+    return [text for name, value in PAPER.items() for text in (f'--{name}', str(value))]
+
+
+def test_the_demo_leaves_pictures_points_and_a_page(tmp_path, scene_folder):
+    assert cli.main(['sample', str(scene_folder), str(tmp_path / 'samples/card'), '--period',
+                     '0.2', *sample_options()]) == 0
+    output = tmp_path / 'output'
+    ran = subprocess.run([*COMMAND, 'demo', '--samples', tmp_path / 'samples', '--output',
+                          output], capture_output=True, text=True, timeout=300)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert ran.stdout.rstrip().endswith(str(output / 'index.html'))
+    assert {path.name for path in (output / 'card').iterdir()} == {
+        'range_image.png', 'depth_mm.png', 'depth_preview.png', 'surface.png', 'points.ply'}
+    page = (output / 'index.html').read_text()
+    assert 'src="http' not in page and 'href="' not in page  # nothing is fetched from elsewhere
+    assert len(re.findall('src="data:image/png;base64,', page)) == 7
+    correct = re.search(r'visible pixels right within 1 %</td><td>([\d.]+) %', page).group(1)
+    assert float(correct) > 80
+
+
+def test_the_demo_says_what_is_missing_when_no_output_comes(tmp_path, scene_folder):
+    assert cli.main(['sample', str(scene_folder), str(tmp_path / 'samples/card'),
+                     *sample_options()]) == 0
+    blind = tmp_path / 'samples/card/recording'
+    with Recording(blind) as recording:
+        kept = [message for message in recording.messages()
+                if message.topic != '/right/image_raw' or message.time_ns % SECOND]
+    with write_recording(blind, overwrite=True) as writer:
+        for message in kept:
+            if message.topic != '/left/image_raw' or not message.time_ns % SECOND:
+                writer.write(message.topic, message.type, message.time_ns, message.data)
+    ran = subprocess.run([*COMMAND, 'demo', '--samples', tmp_path / 'samples', '--output',
+                          tmp_path / 'output', '--wait', '6'], capture_output=True, text=True,
+                         timeout=120)
+    assert ran.returncode == 2
+    assert 'no complete output within 6 s' in ran.stderr and 'depth/image' in ran.stderr
+    assert 'Traceback' not in ran.stderr
+
+
+def test_the_demo_without_samples_is_refused(tmp_path, capsys):
+    assert cli.main(['demo', '--samples', str(tmp_path), '--output', str(tmp_path / 'o')]) == 2
+    assert 'holds no folder with a recording' in capsys.readouterr().err
+    assert not (tmp_path / 'o').exists()
+
+
+def test_conversion_gives_exactly_what_the_node_publishes(tmp_path, recorded, parameters):
+    assert cli.main(['convert', str(recorded), str(tmp_path / 'converted'), '--config',
+                     str(parameters), '--topics', *OUTPUTS]) == 0
+    with Recording(tmp_path / 'converted') as recording:
+        converted = {(message.topic, message.time_ns): message.data
+                     for message in recording.messages()}
+    assert len(converted) == 2 * len(OUTPUTS)
+
+    node = NodeProcess(tmp_path / 'log.txt', arguments=['--params-file', str(parameters)])
+    rig = Rig()
+    for topic, kind in OUTPUTS.items():
+        rig.listen(kind, topic)
+    rig.wait_for_publishers()
+    rig.wait_for_node()
+    replay = subprocess.Popen([*COMMAND, 'replay', recorded, '--loop', '--rate', '4'])
+    try:
+        for topic in OUTPUTS:
+            for stamp in (10 * SECOND, 11 * SECOND):
+                message = rig.await_output(topic, stamp)
+                assert message == deserialize_message(converted[f'/{topic}', stamp],
+                                                      OUTPUTS[topic]), topic
+    finally:
+        replay.send_signal(signal.SIGTERM)
+        status = replay.wait(20)
+        rig.close()
+        assert node.stop() == 0
+    assert status == 0
+
+
+def test_replay_publishes_the_recorded_messages(recorded):
+    rig = Rig()
+    rig.listen(Image, 'left/image_raw')
+    replay = subprocess.Popen([*COMMAND, 'replay', recorded, '--rate', '10'])
+    try:
+        rig.spin_until(lambda: replay.poll() is not None, 'the end of replay')
+        rig.spin(0.2)
+        assert replay.returncode == 0
+        assert rig.stamps('left/image_raw') == [10 * SECOND, 11 * SECOND]
+        with Recording(recorded) as recording:
+            first = next(iter(recording.messages(['/left/image_raw'])))
+        assert rig.received['left/image_raw'][0] == deserialize_message(first.data, Image)
+    finally:
+        replay.kill()
+        rig.close()
+
+
+def test_replay_with_the_stamps_of_now_keeps_pairs_together(recorded):
+    rig = Rig(namespace='/cell')
+    for side in ('left', 'right'):
+        rig.listen(Image, f'{side}/image_raw')
+    replay = subprocess.Popen([*COMMAND, 'replay', recorded, '--rate', '10', '--stamps', 'now',
+                               '--namespace', 'cell'])
+    try:
+        rig.spin_until(lambda: replay.poll() is not None, 'the end of replay')
+        rig.spin(0.2)
+        left, right = rig.stamps('left/image_raw'), rig.stamps('right/image_raw')
+        assert left == right and len(left) == 2
+        assert left[0] > 1_000_000 * SECOND
+    finally:
+        replay.kill()
+        rig.close()
+
+
+@pytest.mark.parametrize('arguments, message', [
+    (['--rate', '0'], '--rate = 0.0 is not larger than 0'),
+    (['--topics', '/nothing'], 'no topic /nothing; it holds /left/camera_info')])
+def test_replay_refuses_what_cannot_be_played(recorded, capsys, arguments, message):
+    assert cli.main(['replay', str(recorded), *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('command', [['replay', 'RECORDING'], ['convert', 'RECORDING', 'RESULT']])
+def test_a_half_written_recording_is_refused_with_one_line(tmp_path, recorded, command, capsys):
+    path = recorded / 'recorded.mcap'
+    path.write_bytes(path.read_bytes()[:-100])
+    places = {'RECORDING': str(recorded), 'RESULT': str(tmp_path / 'result')}
+    assert cli.main([places.get(word, word) for word in command]) == 2
+    error = capsys.readouterr().err
+    assert 'damaged or only half written' in error and error.count('\n') == 1
+    assert not (tmp_path / 'result').exists()
+
+
+def converted_from(tmp_path, messages, capsys):
+    """Convert messages given as (topic, type, time, data); return status and error text."""
+    with write_recording(tmp_path / 'input') as writer:
+        for message in messages:
+            writer.write(*message)
+    options = sample_options()
+    status = cli.main(['convert', str(tmp_path / 'input'), str(tmp_path / 'result'), *options])
+    return status, capsys.readouterr()
+
+
+def rows_of(recorded):
+    with Recording(recorded) as recording:
+        return [(message.topic, message.type, message.time_ns, message.data)
+                for message in recording.messages()]
+
+
+def test_conversion_goes_on_after_a_bad_image(tmp_path, recorded, capsys):
+    rows = rows_of(recorded)
+    at = next(index for index, row in enumerate(rows) if row[0] == '/left/image_raw')
+    topic, kind, time, data = rows[at]
+    rows[at] = (topic, kind, time, data.replace(b'rgb8', b'rgbx'))
+    status, said = converted_from(tmp_path, rows, capsys)
+    assert status == 0
+    assert "encoding = 'rgbx' is not supported" in said.out + said.err
+    assert '1 pairs measured, 1 refused' in said.out
+
+
+def test_conversion_without_any_pair_leaves_no_result(tmp_path, recorded, capsys):
+    late = [(topic, kind, time, data) for topic, kind, time, data in rows_of(recorded)
+            if topic != '/left/image_raw' or time == 10 * SECOND]
+    late = [row for row in late if row[0] != '/right/image_raw' or row[2] == 11 * SECOND]
+    status, said = converted_from(tmp_path, late, capsys)
+    assert status == 2
+    assert 'no left and right image have stamps that fit together' in said.err
+    assert not (tmp_path / 'result').exists()
+
+
+def test_process_writes_what_it_lists(tmp_path, scene_folder, capsys):
+    files = [str(scene_folder / name) for name in ('left.png', 'right.png')]
+    yamls = [str(scene_folder / name) for name in ('left.yaml', 'right.yaml')]
+    assert cli.main(['process', *files, '--calibration', *yamls, '--output',
+                     str(tmp_path / 'out'), *sample_options()]) == 0
+    listed = set(re.findall(r'^  (\S+)', capsys.readouterr().out, re.M))
+    assert listed == {path.name for path in (tmp_path / 'out').iterdir()}
+    assert {'depth.tiff', 'points.ply', 'range_image.png'} <= listed
+
+
+def test_process_with_a_yaml_that_is_no_calibration_says_so(tmp_path, scene_folder, capsys):
+    files = [str(scene_folder / name) for name in ('left.png', 'right.png')]
+    bad = scene_folder / 'bad.yaml'
+    bad.write_text('just: words')
+    assert cli.main(['process', *files, '--calibration', str(bad), str(bad), '--output',
+                     str(tmp_path / 'out')]) == 2
+    assert 'bad.yaml' in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the documents say is what the code does."""
+
+import ast
+from pathlib import Path
+import re
+import subprocess
+
+import pytest
+
+from color_stereo_ros.core import ColorStereoError
+from color_stereo_ros.tools import cli
+from color_stereo_ros.tools.tables import TABLES, documents, with_tables
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / 'README.md').read_text()
+DOCUMENTS = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').glob('*.md'), *(ROOT / 'sample').glob(
+    '*.md')])
+
+
+def code_of(text):
+    """Return the lines that a Markdown text shows as code to type."""
+    fenced = ''.join(re.findall(r'```(?:bash|sh|console)?\n(.*?)```', text, re.DOTALL))
+    return [line.strip() for line in fenced.splitlines() + re.findall(r'^ {4}(\S.*)$', text, re.M)]
+
+
+@pytest.mark.parametrize('path', documents(ROOT), ids=lambda path: path.name)
+def test_the_tables_are_those_of_the_code(path):
+    assert path.read_text() == with_tables(path.read_text()), 'run `make tables`'
+
+
+def test_the_readme_has_the_topics_and_the_parameters():
+    for name in ('outputs', 'parameters', 'commands'):
+        assert TABLES[name]() in README
+
+
+def test_an_unknown_table_is_refused():
+    with pytest.raises(ColorStereoError, match="table 'weather' is not one of parameters"):
+        with_tables('<!-- table: weather -->\n<!-- end -->')
+
+
+def test_the_readme_names_make_demo_and_make_test_and_they_exist():
+    assert 'make demo' in code_of(README) and 'make test' in code_of(README)
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
+def test_every_make_target_that_a_document_names_exists(path):
+    for target in set(re.findall(r'make ([a-z]+)\b', ' '.join(
+            re.findall(r'`([^`\n]+)`', path.read_text()) + code_of(path.read_text())))):
+        planned = subprocess.run(['make', '--dry-run', target], cwd=ROOT, capture_output=True,
+                                 text=True)
+        assert planned.returncode == 0, planned.stderr
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
+def test_every_subcommand_that_a_document_names_exists(path):
+    named = set(re.findall(r'(?:^|[`/ ])color_stereo ([a-z]+)', path.read_text(), re.M))
+    assert named <= set(cli.find_commands())
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
+def test_every_link_inside_the_repository_leads_somewhere(path):
+    for target in re.findall(r'\]\(([^)#]+)(?:#[^)]*)?\)', path.read_text()):
+        if not re.match(r'[a-z]+:', target):
+            assert (path.parent / target).exists(), target
+
+
+def test_the_example_of_the_library_runs(tmp_path, monkeypatch):
+    import numpy as np
+
+    from color_stereo_ros.core import StereoCalibration
+    example = re.search(r'```python\n(.*?)```', README, re.DOTALL).group(1)
+    assert ast.parse(example)
+    camera = np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]])
+    StereoCalibration.from_arrays((64, 48), camera, [], camera, [], np.eye(3), [-0.06, 0, 0]
+                                  ).to_yaml(tmp_path / 'left.yaml', tmp_path / 'right.yaml')
+    monkeypatch.chdir(tmp_path)
+    black = np.zeros((48, 64, 3), np.uint8)
+    scope = {'left_rgb': black, 'right_rgb': black}
+    exec(example, scope)
+    assert scope['result'].depth.shape == (48, 64)
+    assert scope['pattern'].dtype == np.uint8
+
+
+def test_continuous_integration_runs_the_tests_of_the_readme():
+    assert 'make test' in (ROOT / '.ci/run').read_text()
+
+
+def test_the_changelog_has_a_forthcoming_section():
+    assert re.search(r'^Forthcoming\n-+$', (ROOT / 'CHANGELOG.rst').read_text(), re.M)
