@@ -28,7 +28,7 @@ from rcl_interfaces.srv import (GetParameters, ListParameters,  # noqa: E402
 
 import rclpy  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 
 from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
@@ -271,8 +271,7 @@ class Rig:
         """Return the value of a parameter."""
         request = GetParameters.Request(names=[name])
         answer = self.call(GetParameters, f'{self.target}/get_parameters', request)
-        return Parameter.from_parameter_msg(
-            rclpy.parameter.ParameterMsg(name=name, value=answer.values[0])).value
+        return parameter_value_to_python(answer.values[0])
 
     def parameter_names(self):
         """Return the names of all parameters."""

@@ -8,6 +8,8 @@ validated as a set before anything changes, and arrive as a whole or not at all.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
+import sys
 
 from rcl_interfaces.msg import (FloatingPointRange, IntegerRange, ParameterDescriptor,
                                 SetParametersResult)
@@ -220,7 +222,7 @@ def parameter_file(node_name, settings):
     settings : RangeNodeSettings or PatternNodeSettings
 
     """
-    lines = [f'{node_name}:', '  ros__parameters:']
+    lines = [f'/**/{node_name}:', '  ros__parameters:']  # in any namespace
     group = None
     for name, _, meta in described(settings):
         prefix, _, key = name.partition('.')
@@ -246,3 +248,15 @@ def _comment(meta):
     return f'  # {meta["minimum"]} .. {meta["maximum"]} {meta["unit"]}'.rstrip()
 
 
+
+
+def write_parameter_files(folder):
+    """Write the shipped parameter files, which hold the defaults."""
+    for name, settings in (('range_node', RangeNodeSettings()),
+                           ('pattern_node', PatternNodeSettings())):
+        (Path(folder) / f'{name}.yaml').write_text(parameter_file(name, settings),
+                                                   encoding='utf-8')
+
+
+if __name__ == '__main__':
+    write_parameter_files(sys.argv[1])

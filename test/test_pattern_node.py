@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""pattern_node over real DDS: the image of the settings, for late projectors too."""
+
+from dataclasses import asdict, replace
+import hashlib
+import json
+
+from color_stereo_ros.core import make_pattern, PatternSettings
+
+import numpy as np
+
+import pytest
+
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+
+from ros_rig import NodeProcess, Rig
+
+from sensor_msgs.msg import Image
+
+from std_msgs.msg import String
+
+LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+SMALL = {'pattern.type': 'sweep', 'pattern.width': 96, 'pattern.height': 32}
+SETTINGS = PatternSettings(type='sweep', width=96, height=32)
+
+
+@pytest.fixture(scope='module')
+def process(tmp_path_factory):
+    """Yield a running pattern_node."""
+    node = NodeProcess(tmp_path_factory.mktemp('pattern') / 'log.txt', 'pattern_node', SMALL)
+    node.wait_until_said('showing sweep')
+    yield node
+    assert node.stop() == 0
+    assert 'Traceback' not in node.text()
+
+
+@pytest.fixture
+def rig(process):
+    """Yield a projector that comes late: the pattern has been published already."""
+    rig = Rig(node_name='pattern_node')
+    rig.listen(Image, 'pattern/image', LATCHED)
+    rig.listen(String, 'pattern/info', LATCHED)
+    yield rig
+    rig.close()
+
+
+def last(rig, topic):
+    """Wait for a message and return the last one."""
+    rig.spin_until(lambda: rig.received[topic], topic)
+    return rig.received[topic][-1]
+
+
+def test_a_late_projector_gets_the_pattern_of_the_settings(rig):
+    msg = last(rig, 'pattern/image')
+    assert (msg.encoding, msg.height, msg.width, msg.step) == ('rgb8', 32, 96, 288)
+    assert bytes(msg.data) == make_pattern(SETTINGS).tobytes()
+    assert msg.header.frame_id == 'projector_optical_frame'
+
+
+def test_the_description_names_settings_and_hash(rig):
+    info = json.loads(last(rig, 'pattern/info').data)
+    assert info['pattern'] == asdict(SETTINGS)
+    assert info['sha256'] == hashlib.sha256(make_pattern(SETTINGS).tobytes()).hexdigest()
+
+
+def test_a_changed_parameter_is_shown_at_once(rig):
+    last(rig, 'pattern/image')
+    last(rig, 'pattern/info')
+    assert rig.set_parameters(pattern__cycles=3).successful
+    try:
+        rig.spin_until(lambda: len(rig.received['pattern/image']) == 2
+                       and len(rig.received['pattern/info']) == 2, 'the new pattern')
+        expected = make_pattern(replace(SETTINGS, cycles=3))
+        assert bytes(rig.received['pattern/image'][-1].data) == expected.tobytes()
+        assert json.loads(rig.received['pattern/info'][-1].data)['pattern']['cycles'] == 3
+    finally:
+        assert rig.set_parameters(pattern__cycles=1).successful
+
+
+def test_an_unchanged_parameter_is_not_shown_again(rig):
+    last(rig, 'pattern/image')
+    assert rig.set_parameters(pattern__cycles=1).successful
+    rig.spin(0.3)
+    assert len(rig.received['pattern/image']) == 1
+
+
+def test_a_pattern_that_nobody_can_make_is_refused(rig):
+    result = rig.set_parameters(pattern__type='unknown')
+    assert not result.successful
+    assert "pattern.type = 'unknown'" in result.reason
+
+
+def test_started_bare_the_two_nodes_have_the_same_pattern():
+    from color_stereo_ros.nodes.parameters import PatternNodeSettings, RangeNodeSettings
+    assert RangeNodeSettings().pattern == PatternNodeSettings().pattern
+    assert np.ptp(make_pattern(PatternNodeSettings().pattern)) > 0
