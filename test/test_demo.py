@@ -140,7 +140,7 @@ def test_conversion_gives_exactly_what_the_node_publishes(tmp_path, recorded, pa
 def test_replay_publishes_the_recorded_messages(recorded):
     rig = Rig()
     rig.listen(Image, 'left/image_raw')
-    replay = subprocess.Popen([*COMMAND, 'replay', recorded, '--rate', '10'])
+    replay = subprocess.Popen([*COMMAND, 'replay', recorded, '--rate', '10', '--wait', '30'])
     try:
         rig.spin_until(lambda: replay.poll() is not None, 'the end of replay')
         rig.spin(0.2)
@@ -159,7 +159,7 @@ def test_replay_with_the_stamps_of_now_keeps_pairs_together(recorded):
     for side in ('left', 'right'):
         rig.listen(Image, f'{side}/image_raw')
     replay = subprocess.Popen([*COMMAND, 'replay', recorded, '--rate', '10', '--stamps', 'now',
-                               '--namespace', 'cell'])
+                               '--namespace', 'cell', '--wait', '30'])
     try:
         rig.spin_until(lambda: replay.poll() is not None, 'the end of replay')
         rig.spin(0.2)

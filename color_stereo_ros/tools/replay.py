@@ -7,6 +7,7 @@ import time
 SUMMARY = 'publish a recording on real topics'
 
 SECOND = 1_000_000_000
+SETTLING = 0.5  # s from the first sign of a subscriber until both sides know all its topics
 LARGEST_STEP = 0.05  # s: how long a signal or a late subscriber may wait to be noticed
 
 
@@ -22,8 +23,8 @@ def add_arguments(parser):
     parser.add_argument('--namespace', default='', metavar='NAME',
                         help='put a namespace before every topic')
     parser.add_argument('--topics', nargs='+', metavar='TOPIC', help='only these topics')
-    parser.add_argument('--wait', type=float, default=2.0, metavar='S',
-                        help='wait so long for a subscriber before the first message (default 2)')
+    parser.add_argument('--wait', type=float, default=5.0, metavar='S',
+                        help='wait so long for a subscriber before the first message (default 5)')
 
 
 def run(args):
@@ -95,6 +96,8 @@ class Player:
         while time.monotonic() < end and not any(
                 publisher.get_subscription_count() for publisher in self.publishers.values()):
             time.sleep(LARGEST_STEP)
+        if time.monotonic() < end:
+            time.sleep(SETTLING)
 
     def play(self, rate=1.0):
         """
