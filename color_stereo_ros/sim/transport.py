@@ -91,11 +91,11 @@ class World:
         projector = self.scene.rig.projector
         height, width = light.shape[:2]
         bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(light, np.float32))
-        # Mitsuba scales a projector's irradiance so that 1 means 1 on a plane at distance 1.
+        # Mitsuba multiplies the irradiance by pi.
         return {'type': 'projector', 'fov': projector.field_of_view, 'fov_axis': 'x',
                 'irradiance': {'type': 'bitmap', 'bitmap': bitmap, 'raw': True,
                                'filter_type': 'bilinear', 'wrap_mode': 'clamp'},
-                'scale': projector.power, 'to_world': self.transform(projector.pose)}
+                'scale': projector.power / np.pi, 'to_world': self.transform(projector.pose)}
 
 
 @dataclass(frozen=True, eq=False)
