@@ -11,7 +11,7 @@ WAVES = 96                 # of wave_field
 WAVE_SPAN = 4.0            # longest over shortest wave of wave_field
 WAVE_CLIP = 2.0            # standard deviations of wave_field between middle and full intensity
 PATCH_COLORS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 1], [1, 1, 0]])
-UNREPEATED_TRIALS = 100
+MAX_PATCHES = 1_000_000    # a tenth of the 6^9 neighborhoods: found within a few trials
 
 
 def make_pattern(settings=PatternSettings()):
@@ -155,18 +155,20 @@ def unrepeated_codes(rows, columns, settings):
     Raises
     ------
     SettingsError
-        If there are more neighborhoods than can be told apart.
+        If there are more patches than MAX_PATCHES.
 
     """
+    if rows * columns > MAX_PATCHES:
+        raise SettingsError(f'pattern.feature_size = {settings.feature_size} px makes {rows} x '
+                            f'{columns} patches, expected at most {MAX_PATCHES} for unrepeated '
+                            '3 x 3 neighborhoods')
     rng = np.random.default_rng(settings.seed)
     codes = rng.integers(len(PATCH_COLORS), size=(rows, columns))
-    for _ in range(UNREPEATED_TRIALS):
-        repeated = repeated_neighborhoods(codes)
-        if not repeated.any():
-            return codes
+    repeated = repeated_neighborhoods(codes)
+    while repeated.any():
         codes[1:-1, 1:-1][repeated] = rng.integers(len(PATCH_COLORS), size=repeated.sum())
-    raise SettingsError(f'pattern.feature_size = {settings.feature_size} px makes {rows} x '
-                        f'{columns} patches, too many to differ in every 3 x 3 neighborhood')
+        repeated = repeated_neighborhoods(codes)
+    return codes
 
 
 def repeated_neighborhoods(codes):

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The patterns have the properties that the paper and their names promise."""
+
+from color_stereo_ros.core import make_pattern, PatternSettings, SettingsError
+from color_stereo_ros.core.pattern import GENERATORS, repeated_neighborhoods
+from color_stereo_ros.core.settings import PATTERN_TYPES
+import numpy as np
+import pytest
+
+CONSTANT_SUM = ('sweep', 'lines', 'hue_field')
+
+
+def pattern(kind, **changes):
+    """Return a small pattern."""
+    return make_pattern(PatternSettings(type=kind, **{'width': 300, 'height': 40, **changes}))
+
+
+@pytest.mark.parametrize('kind', GENERATORS)
+def test_every_pattern_is_an_8_bit_image_of_the_projector_size(kind):
+    image = pattern(kind)
+    assert image.shape == (40, 300, 3) and image.dtype == np.uint8
+    assert image.flags.c_contiguous and image.min() == 0 and image.max() >= 250
+
+
+@pytest.mark.parametrize('kind', GENERATORS)
+def test_every_pattern_is_made_again_the_same(kind):
+    np.testing.assert_array_equal(pattern(kind), pattern(kind))
+
+
+@pytest.mark.parametrize('kind', ['hue_field', 'wave_field', 'pseudo_noise'])
+def test_another_seed_gives_another_random_pattern(kind):
+    assert (pattern(kind, seed=1) != pattern(kind, seed=2)).mean() > 0.3
+
+
+def test_every_known_type_but_unknown_can_be_made():
+    assert set(GENERATORS) == set(PATTERN_TYPES) - {'unknown'}
+
+
+def test_an_unknown_pattern_cannot_be_made():
+    with pytest.raises(SettingsError, match="pattern.type = 'unknown' cannot be made, expected "
+                                            'one of hue_field, sweep'):
+        pattern('unknown')
+
+
+@pytest.mark.parametrize('kind', CONSTANT_SUM)
+def test_brightness_is_uniform(kind):
+    assert np.abs(pattern(kind).sum(axis=2, dtype=int) - 255).max() <= 1
+
+
+@pytest.mark.parametrize('kind', (*CONSTANT_SUM, 'bright_sweep'))
+def test_one_component_is_zero_everywhere(kind):
+    assert pattern(kind).min(axis=2).max() == 0
+
+
+def test_the_bright_sweep_has_maximum_brightness_everywhere():
+    assert (pattern('bright_sweep').max(axis=2) == 255).all()
+
+
+def test_the_sweep_runs_from_red_over_green_and_blue_back_to_red():
+    row = pattern('sweep')[0]
+    assert row[0].tolist() == [255, 0, 0]
+    assert row[100].tolist() == [0, 255, 0]
+    assert row[200].tolist() == [0, 0, 255]
+    assert row[299].tolist() == [252, 0, 3]
+
+
+@pytest.mark.parametrize('kind', ['sweep', 'bright_sweep', 'sine'])
+@pytest.mark.parametrize('cycles', [1, 3, 10])
+def test_periodic_patterns_repeat_as_often_as_asked(kind, cycles):
+    row = pattern(kind, cycles=cycles)[0].astype(int)
+    period = 300 // cycles
+    np.testing.assert_allclose(row[period:], row[:300 - period], atol=1)  # rounding
+    if cycles == 1:
+        assert np.unique(row, axis=0).shape[0] == 300
+    else:
+        assert np.abs(row[period // 2:] - row[:300 - period // 2]).max() > 100
+
+
+@pytest.mark.parametrize('kind', ['sweep', 'bright_sweep', 'sine', 'walsh', 'lines'])
+def test_line_patterns_do_not_change_from_row_to_row(kind):
+    image = pattern(kind)
+    assert (image == image[0]).all()
+
+
+def test_sines_are_shifted_by_a_third_of_the_period():
+    row = pattern('sine')[0]
+    np.testing.assert_array_equal(row[100:, 1], row[:200, 0])
+    np.testing.assert_array_equal(row[200:, 2], row[:100, 0])
+
+
+def test_sines_keep_their_brightness():
+    assert np.ptp(pattern('sine').sum(axis=2, dtype=int)) <= 1
+
+
+def test_walsh_functions_are_orthogonal_and_no_finer_than_asked():
+    row = pattern('walsh', width=1024, feature_size=8.0)[0].astype(float) / 127.5 - 1
+    np.testing.assert_allclose(row.T @ row, 1024 * np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(row.sum(axis=0), 0, atol=1e-9)
+    changes = np.flatnonzero(np.any(np.diff(row, axis=0) != 0, axis=1))
+    assert np.diff(changes).min() >= 8
+
+
+def test_walsh_components_have_different_frequencies():
+    row = pattern('walsh', width=1024, feature_size=8.0)[0].astype(int)
+    changes = (np.diff(row, axis=0) != 0).sum(axis=0)
+    assert changes[0] > 1.5 * changes[1] > 2 * changes[2]
+
+
+def test_neighboring_lines_differ_most_and_every_second_one_is_alike():
+    lines = pattern('lines', feature_size=10.0)[0, 5::10].astype(int)
+    assert np.abs(lines[1:] - lines[:-1]).max(axis=1).min() > 100
+    assert np.abs(lines[2:] - lines[:-2]).max() <= 52
+
+
+def test_the_hue_field_is_aperiodic_in_both_directions():
+    image = pattern('hue_field', width=256, height=256).astype(float)
+    image -= image.mean(axis=(0, 1))
+    spectrum = np.abs(np.fft.fft2(image, axes=(0, 1))) ** 2
+    correlation = np.fft.ifft2(spectrum, axes=(0, 1)).real.sum(axis=2)
+    correlation /= correlation[0, 0]
+    correlation[:20, :20] = correlation[-20:, :20] = correlation[:20, -20:] = 0
+    correlation[-20:, -20:] = 0
+    assert correlation.max() < 0.25
+
+
+def test_a_larger_feature_size_makes_a_smoother_field():
+    for kind in ('hue_field', 'wave_field'):
+        fine, coarse = (np.abs(np.diff(pattern(kind, feature_size=size).astype(int), axis=1)).mean()
+                        for size in (4.0, 12.0))
+        assert coarse < 0.6 * fine
+
+
+def test_a_field_coarser_than_the_projector_is_refused():
+    with pytest.raises(SettingsError, match='pattern.feature_size = 256.0 px is too large'):
+        pattern('hue_field', width=16, height=16, feature_size=256.0)
+
+
+def test_no_neighborhood_of_pseudo_noise_repeats():
+    patches = pattern('pseudo_noise', width=600, height=400, feature_size=4.0)[2::4, 2::4]
+    codes = (patches > 0) @ [1, 2, 4]
+    windows = {tuple(codes[y:y + 3, x:x + 3].ravel())
+               for y in range(codes.shape[0] - 2) for x in range(codes.shape[1] - 2)}
+    assert len(windows) == (codes.shape[0] - 2) * (codes.shape[1] - 2)
+
+
+def test_repeated_neighborhoods_are_found():
+    codes = np.arange(36).reshape(6, 6) % 6
+    repeated = repeated_neighborhoods(codes)
+    assert not repeated[0].any() and repeated[1:].all()
+
+
+def test_pseudo_noise_with_too_many_patches_is_refused():
+    with pytest.raises(SettingsError, match='feature_size = 1.0 px makes 3000 x 4000 patches'):
+        pattern('pseudo_noise', width=4000, height=3000, feature_size=1.0)
+
+
+def test_the_wave_field_uses_all_colors_in_both_directions():
+    image = pattern('wave_field', width=256, height=256).astype(float)
+    assert (image.std(axis=(0, 1)) > 40).all()
+    correlation = np.corrcoef(image.reshape(-1, 3).T) - np.eye(3)
+    assert np.abs(correlation).max() < 0.5
+    assert (np.abs(np.diff(image, axis=0)).mean(axis=(0, 1)) > 3).all()
