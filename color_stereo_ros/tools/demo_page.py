@@ -14,11 +14,11 @@ import numpy as np
 from ..core.false_color import false_color
 from ..core.types import RangeResult, Status
 from ..evaluation.metrics import Truth, accuracy, false_share
-from .plots import error_plot, surface_plot
+from .plots import error_plot, shaded, surface_plot
 
 VIEWER_STEP = 2   # px: every second pixel of every second row goes into the 3-D viewer
 PREVIEW_WIDTH = 560
-OVERVIEW_HEIGHT = 400
+OVERVIEW_HEIGHT = 320
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +193,8 @@ def _viewer(item, near, far):
     center = np.median(xyz, axis=0) if xyz.size else np.zeros(3)
     radius = np.percentile(np.abs(xyz - center), 99.9) if xyz.size else 1.0
     scaled = np.clip((xyz - center) / radius, -1, 1) * 32767
-    depth_colors = false_color(points[..., 2], near, far, scale_bar=False)[known]
-    data = {'xyz': scaled.astype('<i2'), 'depth': depth_colors,
+    colors = shaded(points, false_color(points[..., 2], near, far, scale_bar=False))
+    data = {'xyz': scaled.astype('<i2'), 'depth': colors[known],
             'camera': item.result.image[step][known]}
     text = json.dumps({name: b64encode(np.ascontiguousarray(values).tobytes()).decode()
                        for name, values in data.items()})

@@ -36,18 +36,20 @@ def surface_plot(points, near, far):
     axes = figure.add_subplot(projection='3d', computed_zorder=False)
     # matplotlib's vertical axis is its third one: x right, z away from the viewer, -y up.
     corners = 1e3 * quads[..., (0, 2, 1)] * (1, 1, -1)
-    axes.add_collection3d(Poly3DCollection(corners, facecolors=_facet_colors(quads, near, far),
-                                           edgecolors='none'))
+    colors = _facet_colors(quads, near, far)
+    axes.add_collection3d(Poly3DCollection(corners, facecolors=colors, edgecolors=colors,
+                                           linewidths=0.3))
     spans = []
     for index, limits in enumerate((axes.set_xlim, axes.set_ylim, axes.set_zlim)):
         low, high = np.percentile(corners[..., index], (0.2, 99.8)) if len(quads) else (0, 1)
         limits(low, high)
         spans.append(high - low)
     axes.set_box_aspect(spans)
+    axes.locator_params(nbins=5)
     axes.set_xlabel('x, mm')
     axes.set_ylabel('depth, mm')
     axes.set_zlabel('height, mm')
-    axes.view_init(elev=22, azim=-70)
+    axes.view_init(elev=20, azim=-58)
     return _png(figure)
 
 
@@ -65,10 +67,34 @@ def _facet_colors(quads, near, far):
     """Return the false colors of the facets, shaded by a distant light, float (N, 3)."""
     depth = quads[..., 2].mean(axis=1).astype(np.float32)
     colors = false_color(depth[None], near, far, scale_bar=False)[0] / 255.0
-    normals = np.cross(quads[:, 3] - quads[:, 0], quads[:, 1] - quads[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    shade = AMBIENT + (1 - AMBIENT) * np.clip(normals @ LIGHT, 0, 1)
+    shade = _shade(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0])
     return np.clip(colors * shade[:, None], 0, 1)
+
+
+def _shade(along_row, along_column):
+    """Return the brightness 0..1 of surface patches that two tangents (..., 3) span."""
+    normals = np.cross(along_column, along_row)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+    return AMBIENT + (1 - AMBIENT) * np.clip(normals @ LIGHT, 0, 1)
+
+
+def shaded(points, colors):
+    """
+    Shade the colors of an organized cloud by a distant light, so that shapes can be seen.
+
+    Parameters
+    ----------
+    points : numpy.ndarray, float32, shape (H, W, 3)
+        m; NaN = unknown. Points at the edge of the known keep their colors.
+    colors : numpy.ndarray, uint8, shape (H, W, 3)
+
+    Returns
+    -------
+    colors : numpy.ndarray, uint8, shape (H, W, 3)
+
+    """
+    shade = _shade(np.gradient(points, axis=1), np.gradient(points, axis=0))
+    return np.rint(colors * np.nan_to_num(shade, nan=1.0)[..., None]).astype(np.uint8)
 
 
 def error_plot(error, limit):
