@@ -4,7 +4,6 @@
 from rclpy.lifecycle import Node as ManagedNode, TransitionCallbackReturn
 from rclpy.node import Node
 
-from ..core.types import ColorStereoError
 from .parameters import NodeParameters, RangeNodeSettings
 from .range_sensor import RangeSensor
 
@@ -35,16 +34,12 @@ class LifecycleRangeNode(ManagedNode):
     def __init__(self):
         super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         self.sensor = None
-        self._parameters = declare(self)
+        self._declared = declare(self)
 
     def on_configure(self, state):
         """Create the sensor, which gets ready and takes calibrations, but measures nothing."""
-        try:
-            self.sensor = RangeSensor(self, self._parameters, active=False)
-        except ColorStereoError as error:
-            self.get_logger().error(str(error))
-            return TransitionCallbackReturn.FAILURE
-        self._parameters.warn_of_unknown()
+        self.sensor = RangeSensor(self, self._declared, active=False)
+        self._declared.warn_of_unknown()
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state):
