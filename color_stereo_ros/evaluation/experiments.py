@@ -94,7 +94,9 @@ class Laboratory:
         self.methods = tuple(methods)
         self.plan = plan
         self.pictures = {}
-        """(scene, pattern) to dict of title to uint8 (H, W, 3) or (H, W)."""
+        """(scene, pattern) to dict of title to uint8 (H, W, 3), and `limits` in m."""
+        self.objects = {}
+        """Scene to its left image under white light, uint8 (H, W, 3)."""
         self.profile = None
         """Figure 3.1: dict of title to float (W, 3)."""
         self.surfaces = {}
@@ -134,7 +136,7 @@ class Laboratory:
                 and pattern.type == 'sweep':
             self.profile = color_profile(run.pair, run.settings)
         if name == SWEEP_SCENE and pattern.type == 'sweep':
-            self.pictures['object'] = {'object': self._bench(name).under_white()}
+            self.objects[name] = self._bench(name).under_white()
         return records
 
     def _contenders(self, experiment, pattern):
@@ -156,8 +158,9 @@ class Laboratory:
         kept = self.pictures.setdefault((scene.name, pattern.type), {
             'left image': run.pair.left,
             'truth': false_color(np.where(scene.truth.visible, scene.truth.depth, np.nan),
-                                 near, far)})
-        kept[run.method] = false_color(run.result.depth, near, far)
+                                 near, far, scale_bar=False),
+            'limits': (near, far)})
+        kept[run.method] = false_color(run.result.depth, near, far, scale_bar=False)
         kept[f'{run.method} error'] = error_picture(run.result, scene.truth)
 
     def _bench(self, name):
@@ -252,7 +255,8 @@ class Bench:
                   for side, (light, camera, exposure) in enumerate(
                       zip(radiance, cameras, exposures))]
         rig = replace(description.rig, left=cameras[0], right=cameras[1])
-        rendering = _Pair(*images, rig.calibration, renderer.truth((pattern.height, pattern.width)))
+        truth = renderer.truth((pattern.height, pattern.width))
+        rendering = _Pair(*images, rig.calibration, truth)
         return as_scene(replace(description, rig=rig), rendering, pattern)
 
     def under_white(self):

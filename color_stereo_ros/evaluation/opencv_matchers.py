@@ -95,5 +95,5 @@ def _as_result(disparity, pair, limits, seconds):
     return RangeResult(
         disparity=disparity, depth=depth,
         confidence=np.isfinite(depth).astype(np.float32), status=status,
-        disparity_std=np.full(depth.shape, np.nan, np.float32), image=pair.left,
+        disparity_std=np.full(depth.shape, np.nan, np.float32), image_source=pair.left,
         geometry=pair.geometry, disparity_limits=limits, seconds={'matching': seconds})

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What each stage of a method is worth: every switchable setting off, one at a time.
+
+The list is derived from the settings themselves: every switch that is on, and every number whose
+description says that 0 turns its stage off.
+
+"""
+
+from dataclasses import fields
+import re
+
+import numpy as np
+
+from ..core import ColorSettings, MatchingSettings
+from .methods import evaluate
+from .renders import default_pattern, paper_pattern
+
+KEYS = ('density', 'mean_percent', 'median_px', 'bad_1', 'false_share', 'milliseconds')
+
+OFF = re.compile(r'\b0 (=|switches|turns|means|accepts)')
+PAPER = 'paper method'
+
+
+def switches(method):
+    """
+    Return what can be switched off in a method.
+
+    Parameters
+    ----------
+    method : str
+        'surface' or 'paper'.
+
+    Returns
+    -------
+    switches : dict
+        Flat name of a setting to its value when off.
+
+    """
+    found = {}
+    for group in (ColorSettings, MatchingSettings):
+        for spec in fields(group):
+            description = spec.metadata['description']
+            of_paper = PAPER in description
+            if of_paper != (method == 'paper') and (of_paper or ':' in description):
+                continue
+            if spec.default is True:
+                found[f'{group.prefix}.{spec.name}'] = False
+            elif type(spec.default) in (int, float) and spec.default and OFF.search(description):
+                found[f'{group.prefix}.{spec.name}'] = type(spec.default)(0)
+    return found
+
+
+def ablation(scenes, method, progress, repeats=3):
+    """
+    Measure a method whole, and with each of its switches off.
+
+    Parameters
+    ----------
+    scenes : list of color_stereo_ros.evaluation.datasets.Scene
+    method : str
+        'surface' or 'paper'.
+    progress : callable
+        Wraps the list of variants for a progress bar.
+    repeats : int
+        Runs of a fast method; the shortest time counts.
+
+    Returns
+    -------
+    rows : list of dict
+        `off` (flat name, '' for the whole method) and the means of KEYS over the scenes.
+
+    """
+    variants = [('', {})] + [(f'{name} = {value}', {name: value})
+                             for name, value in switches(method).items()]
+    rows = []
+    for name, values in progress(variants):
+        figures = [evaluate(scene, method, values, repeats)[1] for scene in scenes]
+        rows.append({'off': name, **{key: _mean(figures, key) for key in KEYS}})
+    return rows
+
+
+def _mean(figures, key):
+    values = [f[key] for f in figures if f[key] is not None]
+    return float(np.mean(values)) if values else None
+
+
+def scenes_for(renders, names, method):
+    """Return simulated scenes under the pattern that a method is meant for."""
+    pattern = paper_pattern() if method == 'paper' else default_pattern()
+    return [renders.pair(name, pattern) for name in names]
