@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demonstration, replay and conversion: recordings through real topics."""
 
+from pathlib import Path
 import re
 import signal
 import subprocess
@@ -100,6 +101,32 @@ def test_the_demo_says_what_is_missing_when_no_output_comes(tmp_path, scene_fold
     assert ran.returncode == 2
     assert 'no complete output within 6 s' in ran.stderr and 'depth/image' in ran.stderr
     assert 'Traceback' not in ran.stderr
+
+
+def processes_that_mention(path):
+    """Return the command lines of all running processes that name a path."""
+    found = []
+    for entry in Path('/proc').glob('[0-9]*/cmdline'):
+        try:
+            words = entry.read_bytes().decode(errors='replace')
+        except OSError:
+            continue  # it has ended meanwhile
+        if str(path) in words:
+            found.append(words.replace('\0', ' '))
+    return found
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_demo_leaves_no_process_behind(tmp_path, scene_folder, number):
+    assert cli.main(['sample', str(scene_folder), str(tmp_path / 'samples/card'),
+                     *sample_options()]) == 0
+    demo = subprocess.Popen([*COMMAND, 'demo', '--samples', tmp_path / 'samples', '--output',
+                             tmp_path / 'output'], stdout=subprocess.PIPE, text=True)
+    assert 'starting' in demo.stdout.readline()
+    demo.send_signal(number)
+    assert demo.wait(30) == cli.INTERRUPTED
+    demo.stdout.close()
+    assert not processes_that_mention(tmp_path)
 
 
 def test_the_demo_without_samples_is_refused(tmp_path, capsys):

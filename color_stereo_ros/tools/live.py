@@ -45,7 +45,7 @@ class Processes:
         """Start the function `main` of a module, as its executable does; log to NAME.txt."""
         code = f'from {module} import main; raise SystemExit(main())'
         command = [sys.executable, '-u', '-c', code, *map(str, arguments)]
-        with open(self._log(name), 'wb') as log:
+        with open(self._log(name), 'wb') as log, _interrupts_postponed():
             # A session of its own: Ctrl-C reaches this process alone, which then ends the others
             # in order; and whatever the child starts can be ended with it.
             self._running[name] = subprocess.Popen(
@@ -79,6 +79,21 @@ class Processes:
 
     def _log(self, name):
         return self._folder / f'{name}.txt'
+
+
+@contextmanager
+def _interrupts_postponed():
+    """Hold SIGINT and SIGTERM back: a process must not start without being known."""
+    came = []
+    previous = {number: signal.signal(number, lambda number, _: came.append(number))
+                for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    if came:
+        raise KeyboardInterrupt
 
 
 def _signal(process, number):
