@@ -168,7 +168,7 @@ def known_result(unknown=((3, 4), (5, 6))):
               GEOMETRY.focal_baseline / 0.35 + GEOMETRY.principal_offset)
     deviation = np.where(status == 0, np.float32(0.125), np.float32(np.nan))
     return RangeResult(disparity=disparity, depth=depth, confidence=np.ones_like(depth),
-                       status=status, disparity_std=deviation.astype(np.float32), image=image,
+                       status=status, disparity_std=deviation.astype(np.float32), image_source=image,
                        geometry=GEOMETRY, disparity_limits=limits)
 
 

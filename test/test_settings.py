@@ -11,7 +11,8 @@ import pytest
 
 DESCRIBED = list(described(Settings()))
 NUMBERS = [item for item in DESCRIBED if type(item[1]) in (int, float)]
-WITHOUT_UNIT = {'pattern.cycles', 'pattern.seed', 'matching.uniqueness_ratio'}
+WITHOUT_UNIT = {'pattern.cycles', 'pattern.seed', 'matching.min_confidence',
+                'matching.smoothness', 'matching.refinements', 'matching.uniqueness_ratio'}
 
 
 def test_every_setting_has_a_description():

@@ -14,7 +14,7 @@ window sum of the disparities added for that starts at PADDING_COST, so that non
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import get_num_threads, njit, prange
 
 COST_UNIT = 2.0      # stored cost per DN^2
 COST_CAP = 16000     # stored cost of colors 89 DN apart and more: bounds what an outlier counts
@@ -24,6 +24,11 @@ NO_COST = 2 ** 31 - 1
 NO_INDEX = 2 ** 30
 LANES = 32
 PADDING_COST = 2 ** 30  # more than 63 x 63 times COST_CAP
+
+
+def band_count():
+    """Return into how many bands of rows parallel kernels cut an image: one per thread."""
+    return get_num_threads()
 
 
 @njit(cache=True, nogil=True, parallel=True)

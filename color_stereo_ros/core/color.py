@@ -168,7 +168,8 @@ def equal_brightness_gains(first, second):
 
 def _smallest_ratio(above, below):
     """Return the vector g that minimizes (g above g) / (g below g), its sum positive."""
-    ridge = 1e-9 * np.trace(below) * np.eye(3)
+    above, below = np.float64(above), np.float64(below)
+    ridge = (1e-6 * np.trace(below) + 1e-12) * np.eye(3)
     root = np.linalg.inv(np.linalg.cholesky(below + ridge))
     vector = root.T @ np.linalg.eigh(root @ above @ root.T)[1][:, 0]
     return vector * np.sign(vector.sum())

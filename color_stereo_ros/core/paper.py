@@ -4,7 +4,6 @@
 import math
 
 import cv2
-import numba
 import numpy as np
 
 from . import _kernels
@@ -144,7 +143,7 @@ class _Buffers:
     """Memory of the search, one set per band of rows."""
 
     def __init__(self, geometry, count, settings):
-        bands = numba.get_num_threads()
+        bands = _kernels.band_count()
         padded = -(-count // _kernels.LANES) * _kernels.LANES
         height, width = geometry.height, geometry.width
         self.ring = np.zeros((bands, settings.window_height, width, padded), np.uint16)

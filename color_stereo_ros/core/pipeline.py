@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sensor as one object: a calibrated color pair in, a range result out."""
 
+from functools import partial
 from threading import Lock
 from time import perf_counter
 
 import numpy as np
 
-from .matching import make_matcher
+from .matching import make_method
 from .rectification import Rectifier
 from .settings import Settings
-from .triangulation import depth_from_disparity, disparity_limits
-from .types import CalibrationError, Match, RangeResult, SettingsError, Status
+from .triangulation import disparity_limits
+from .types import CalibrationError, RangeResult, SettingsError
 
 # The kernels own their buffers and numba's threading layers do not all allow parallel calls.
 KERNELS = Lock()
@@ -46,7 +47,7 @@ class ColorStereo:
         self.settings = settings
         self._limits = disparity_limits(calibration.geometry, settings.range)
         self._rectifier = Rectifier(calibration, rectified_input)
-        self._matcher = make_matcher(settings, calibration.geometry, self._limits)
+        self._method = make_method(settings, calibration, self._limits, self._rectifier)
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)
         self.process(black, black)
 
@@ -90,46 +91,16 @@ class ColorStereo:
             If an image is no array, or its type or size is wrong.
 
         """
+        left, right = self._rectifier.checked(left, right)
         clock = Stopwatch()
-        pair = self.rectify(left, right)
-        clock.lap('rectify')
         with KERNELS:
-            match = self._matcher.match(pair)
-        clock.lap('match')
-        match = within_limits(match, self._limits)
-        depth = depth_from_disparity(match.disparity, pair.geometry)
-        clock.lap('triangulate')
+            found = self._method.measure(left, right, clock)
         return RangeResult(
-            disparity=match.disparity, depth=depth, confidence=match.confidence,
-            status=match.status, disparity_std=match.disparity_std, image=pair.left,
-            geometry=pair.geometry, disparity_limits=self._limits, seconds=clock.seconds)
-
-
-def within_limits(match, limits):
-    """
-    Take the range from matches outside the disparity limits (paper, sec. 2.2: global limits).
-
-    Parameters
-    ----------
-    match : Match
-    limits : (float, float)
-        Smallest and largest disparity, px.
-
-    Returns
-    -------
-    match : Match
-        Status OUT_OF_RANGE and no disparity outside the limits.
-
-    """
-    smallest, largest = np.float32(limits[0]), np.float32(limits[1])
-    outside = (match.disparity < smallest) | (match.disparity > largest)
-    if not outside.any():
-        return match
-    nothing = np.float32(np.nan)
-    return Match(disparity=np.where(outside, nothing, match.disparity),
-                 disparity_std=np.where(outside, nothing, match.disparity_std),
-                 confidence=np.where(outside, np.float32(0), match.confidence),
-                 status=np.where(outside, np.uint8(Status.OUT_OF_RANGE), match.status))
+            disparity=found.disparity, depth=found.depth, confidence=found.confidence,
+            status=found.status, disparity_std=found.disparity_std,
+            image_source=partial(self._rectifier.rectify_left, left),
+            geometry=self.calibration.geometry, disparity_limits=self._limits,
+            seconds=clock.seconds)
 
 
 class Stopwatch:

@@ -25,9 +25,9 @@ class Rectifier:
     def __init__(self, calibration, rectified_input=False):
         """Build the maps."""
         self.geometry = calibration.geometry
+        self.rectified_input = rectified_input
         shape = (self.geometry.height, self.geometry.width)
         if rectified_input:
-            self._maps = None
             self._inside = (np.ones(shape, bool),) * 2
         else:
             cameras = calibration.left, calibration.right
@@ -56,12 +56,24 @@ class Rectifier:
             If an image is no array, or its type or size is wrong.
 
         """
-        images = [checked_image(name, image, self.geometry)
-                  for name, image in (('left', left), ('right', right))]
-        if self._maps is not None:
-            images = [cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-                      for image, maps in zip(images, self._maps)]
-        return RectifiedPair(*images, *self._inside, self.geometry)
+        left, right = self.checked(left, right)
+        return RectifiedPair(self._resampled(left, 0), self._resampled(right, 1), *self._inside,
+                             self.geometry)
+
+    def rectify_left(self, image):
+        """Return a checked raw left image, uint8 (H, W, 3), rectified."""
+        return self._resampled(image, 0)
+
+    def checked(self, left, right):
+        """Return both images as contiguous arrays, or raise ImageError."""
+        return (checked_image('left', left, self.geometry),
+                checked_image('right', right, self.geometry))
+
+    def _resampled(self, image, side):
+        if self.rectified_input:
+            return image
+        return cv2.remap(image, *self._maps[side], cv2.INTER_LINEAR,
+                         borderMode=cv2.BORDER_CONSTANT)
 
 
 def checked_image(name, image, geometry):

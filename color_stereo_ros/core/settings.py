@@ -77,7 +77,7 @@ class PatternSettings(Group):
         'lines: high-contrast lines; wave_field: 2-D random color waves; pseudo_noise: colored '
         'patches; unknown: some other pattern', choices=PATTERN_TYPES)
     width: int = setting(1024, 'columns of the projector', unit='px', minimum=8, maximum=8192)
-    height: int = setting(768, 'rows of the projector', unit='px', minimum=8, maximum=8192)
+    height: int = setting(1024, 'rows of the projector', unit='px', minimum=8, maximum=8192)
     cycles: int = setting(
         1, 'repetitions over the width (sweep, bright_sweep, sine)', minimum=1, maximum=512)
     feature_size: float = setting(
@@ -126,6 +126,23 @@ class MatchingSettings(Group):
     method: str = setting(
         'surface', 'surface: coarse to fine with slanted surfaces (default); paper: the '
         'exhaustive search of the paper, sec. 2.2', choices=('surface', 'paper'))
+    min_confidence: float = setting(
+        0.5, 'surface method: least probability of being right within 1 px; a larger value gives '
+        'fewer and better ranges', minimum=0.0, maximum=1.0)
+    smoothness: float = setting(
+        1.0, 'surface method: how much the coarse search dislikes steps of the disparity; '
+        '0 = each node for itself', minimum=0.0, maximum=10.0)
+    refinements: int = setting(
+        3, 'surface method: rounds of least squares; 0 = coarse disparities only',
+        minimum=0, maximum=10)
+    slanted: bool = setting(
+        True, 'surface method: let the least-squares window lean with the surface')
+    propagation: bool = setting(
+        True, 'surface method: let nodes near depth edges try the planes of their neighbors')
+    color_matching: bool = setting(
+        True, 'surface method: measure the color difference of the cameras from each pair')
+    occlusion_test: bool = setting(
+        True, 'surface method: distrust places of the right image that two surfaces claim')
     window_width: int = setting(
         9, 'paper method: columns of the window, 2N+1', unit='px', minimum=1, maximum=63)
     window_height: int = setting(

@@ -127,6 +127,14 @@ class Match:
 
 
 @dataclass(frozen=True, eq=False)
+class Measurement(Match):
+    """A match and what follows from it by triangulation."""
+
+    depth: np.ndarray
+    """float32 (H, W), meters along Z of the rectified left camera, NaN = unknown."""
+
+
+@dataclass(frozen=True, eq=False)
 class RangeResult:
     """What one pair of images gives, in the frame and pixels of the rectified left camera."""
 
@@ -140,13 +148,18 @@ class RangeResult:
     """uint8 (H, W), a `Status` code; 0 exactly where depth is finite."""
     disparity_std: np.ndarray
     """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
-    image: np.ndarray
-    """uint8 (H, W, 3), the rectified left image, RGB."""
+    image_source: object
+    """The rectified left image, uint8 (H, W, 3), RGB, or a function that makes it when asked."""
     geometry: RectifiedGeometry
     disparity_limits: tuple
     """(smallest, largest) disparity searched, px, from range.min_depth and range.max_depth."""
     seconds: dict = field(default_factory=dict)
     """Duration of each stage, s."""
+
+    @cached_property
+    def image(self):
+        """Return the rectified left image, uint8 (H, W, 3), RGB."""
+        return self.image_source() if callable(self.image_source) else self.image_source
 
     @cached_property
     def depth_std(self):

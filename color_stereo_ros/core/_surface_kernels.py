@@ -1,0 +1,950 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Kernels of the surface method: bare arrays in and out, meaning lives in `surface`.
+
+Words used below. The *half grid* has one node per 2 x 2 rectified pixels, at their center; the
+right image keeps all its columns on half the rows, so that a disparity is sampled finely. The
+*coarse grid* has one node per `2 * factor` pixels. u, v are the two chromaticity coordinates,
+s the brightness they were divided by. A plane d + a i + b j gives the disparity (full pixels) i
+nodes to the right and j nodes below a node. NaN = unknown; therefore never fastmath=True.
+
+All half-grid arrays of the left image (and the rows of the right one) carry a frame of PAD
+unknown nodes and are rounded up to whole tiles of TILE_ROWS x TILE_COLUMNS nodes, so that no
+kernel needs to ask where the image ends. A tile is *smooth* where one surface fills it and its
+surroundings; there windows need no gate, and sums over them are separable.
+
+"""
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from .types import Status
+
+FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
+F4 = np.float32
+I2 = np.int16
+BANDS = 8  # chunks per parallel loop: fixed, so that results do not depend on threads
+PAD = 8  # unknown nodes around a half grid: window radius + halo, or propagation step + halo
+TILE_ROWS = 8
+TILE_COLUMNS = 32
+RADIUS = 4  # of the least-squares window, nodes
+SPAN = 2 * RADIUS + 1
+JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
+FLAT = F4(1.0)  # a chromaticity variance that carries no information
+NAN = F4(np.nan)
+CEILING = F4(30)  # of a misfit that counts as evidence
+VALID = np.uint8(Status.VALID)
+OUTSIDE_IMAGE = np.uint8(Status.OUTSIDE_IMAGE)
+DARK = np.uint8(Status.DARK)
+SATURATED = np.uint8(Status.SATURATED)
+NO_MATCH = np.uint8(Status.NO_MATCH)
+AMBIGUOUS = np.uint8(Status.AMBIGUOUS)
+INCONSISTENT = np.uint8(Status.INCONSISTENT)
+OUT_OF_RANGE = np.uint8(Status.OUT_OF_RANGE)
+IMPLAUSIBLE = np.uint8(Status.IMPLAUSIBLE)
+
+
+@njit(cache=True, nogil=True)
+def band(k, count, size):
+    """Return first and last row + 1 of band k of `count`."""
+    return size * k // count, size * (k + 1) // count
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def box_sums(raw, out):
+    """
+    Sum 2 x 2 pixels of an interleaved uint8 image (H, W * 3) into uint16 (H, W * 3).
+
+    out[y, x] covers the pixels x, x + 1 of the rows y, y + 1; last row and column are repeated.
+
+    """
+    height, width = raw.shape
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, height)
+        for y in range(first, last):
+            above = raw[y]
+            below = raw[min(y + 1, height - 1)]
+            row = out[y]
+            for i in range(width - 3):
+                row[i] = (np.uint16(above[i]) + np.uint16(below[i])
+                          + np.uint16(above[i + 3]) + np.uint16(below[i + 3]))
+            for i in range(width - 3, width):
+                row[i] = 2 * (np.uint16(above[i]) + np.uint16(below[i]))
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
+def sample_colors(box, index, frac_x, frac_y, stride, dark, gain, soft, u, v, s, peak):
+    """
+    Rectify: sample box sums bilinearly at mapped positions and turn them into chromaticity.
+
+    box is uint16 flat with `stride` entries a row; index int32 (h, w) names the first of the
+    upper left neighbor, -1 = outside. Writes u = (2 r - g - b) / (s + soft),
+    v = sqrt(3) (g - b) / (s + soft), s = r + g + b (DN, dark level subtracted, gains applied)
+    and peak, the brightest raw channel (DN); u = v = s = 0, peak = -1 outside.
+
+    """
+    rows, columns = index.shape
+    dark_r, dark_g, dark_b = dark[0], dark[1], dark[2]
+    gain_r, gain_g, gain_b = gain[0], gain[1], gain[2]
+    root3 = F4(math.sqrt(3.0))
+    quarter = F4(0.25)
+    zero = F4(0)
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, rows)
+        for y in range(first, last):
+            for x in range(columns):
+                at = index[y, x]
+                if at < 0:
+                    u[y, x] = zero
+                    v[y, x] = zero
+                    s[y, x] = zero
+                    peak[y, x] = F4(-1)
+                    continue
+                p = np.uint32(at)
+                q = np.uint32(at + stride)
+                fx = frac_x[y, x]
+                fy = frac_y[y, x] * quarter
+                gx = F4(1) - fx
+                gy = quarter - fy
+                w00 = gx * gy
+                w01 = fx * gy
+                w10 = gx * fy
+                w11 = fx * fy
+                r = (w00 * F4(box[p]) + w01 * F4(box[p + np.uint32(3)])
+                     + w10 * F4(box[q]) + w11 * F4(box[q + np.uint32(3)]))
+                g = (w00 * F4(box[p + np.uint32(1)]) + w01 * F4(box[p + np.uint32(4)])
+                     + w10 * F4(box[q + np.uint32(1)]) + w11 * F4(box[q + np.uint32(4)]))
+                b = (w00 * F4(box[p + np.uint32(2)]) + w01 * F4(box[p + np.uint32(5)])
+                     + w10 * F4(box[q + np.uint32(2)]) + w11 * F4(box[q + np.uint32(5)]))
+                peak[y, x] = max(r, max(g, b))
+                r = max(r - dark_r, zero) * gain_r
+                g = max(g - dark_g, zero) * gain_g
+                b = max(b - dark_b, zero) * gain_b
+                total = r + g + b
+                scale = F4(1) / (total + soft)
+                u[y, x] = (r + r - g - b) * scale
+                v[y, x] = (g - b) * (scale * root3)
+                s[y, x] = total
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
+def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_w):
+    """
+    Average step_y x step_x nodes, from (top, left) on, into one coarse node, quantized to int16.
+
+    Chromaticities are averaged as colors (weighted by brightness). out_u, out_v are in units of
+    1 / scale, out_w is the trust 0..16 that rises with brightness and is full at `knee`.
+
+    """
+    rows, columns = out_u.shape
+    count = F4(step_x * step_y)
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, rows)
+        for y in range(first, last):
+            for x in range(columns):
+                sum_u = F4(0)
+                sum_v = F4(0)
+                sum_s = F4(0)
+                for j in range(top + y * step_y, top + (y + 1) * step_y):
+                    for i in range(left + x * step_x, left + (x + 1) * step_x):
+                        total = s[j, i]
+                        weight = total + soft
+                        sum_u += u[j, i] * weight
+                        sum_v += v[j, i] * weight
+                        sum_s += total
+                norm = scale / (sum_s + soft * count)
+                out_u[y, x] = I2(sum_u * norm)
+                out_v[y, x] = I2(sum_v * norm)
+                out_w[y, x] = I2(min(F4(16), F4(16) * sum_s / (knee * count)))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def cost_row(left_u, left_v, left_w, right_u, right_v, right_w, first, cap, neutral, out):
+    """
+    Matching costs of one coarse row, out int16 (w, D): SIMD over the disparity.
+
+    The right row is reversed and padded: entry `first + d - x` is disparity d of column x. A
+    dark pixel on either side moves the cost towards `neutral`: it speaks for nothing.
+
+    """
+    columns, depth = out.shape
+    for x in range(columns):
+        lu = left_u[x]
+        lv = left_v[x]
+        lw = left_w[x]
+        start = first - x
+        ru = right_u[start:start + depth]
+        rv = right_v[start:start + depth]
+        rw = right_w[start:start + depth]
+        row = out[x]
+        for d in range(depth):
+            du = I2(lu - ru[d])
+            dv = I2(lv - rv[d])
+            cost = I2(max(du, I2(-du)) + max(dv, I2(-dv)))
+            cost = min(cost, cap)
+            trust = min(lw, rw[d])
+            row[d] = I2(neutral + ((I2(I2(cost - neutral) * trust)) >> I2(4)))
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def cost_volume(left_u, left_v, left_w, right_u, right_v, right_w, first, cap, neutral, cost,
+                scratch):
+    """
+    Fill cost (h, w, D), int16: costs summed over 3 x 3 coarse nodes (borders repeated).
+
+    scratch is int16 (BANDS, 4, w, D): three rows of costs and their sum.
+
+    """
+    rows, columns, depth = cost.shape
+    for k in prange(BANDS):
+        start, stop = band(k, BANDS, rows)
+        ring = scratch[k]
+        total = ring[3]
+        for y in range(start - 1, stop + 1):
+            source = min(max(y, 0), rows - 1)
+            cost_row(left_u[source], left_v[source], left_w[source], right_u[source],
+                     right_v[source], right_w[source], first, cap, neutral, ring[(y + 3) % 3])
+            if y > start:
+                sum_rows(ring[0].reshape(-1), ring[1].reshape(-1), ring[2].reshape(-1),
+                         total.reshape(-1))
+                sum_columns(total, cost[y - 1])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def sum_rows(a, b, c, out):
+    """Write out = a + b + c, int16."""
+    for i in range(out.size):
+        out[i] = I2(I2(a[i] + b[i]) + c[i])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def sum_columns(total, out):
+    """Write out[x] = total[x - 1] + total[x] + total[x + 1], int16, borders repeated."""
+    columns = total.shape[0]
+    for x in range(columns):
+        sum_rows(total[max(x - 1, 0)], total[x], total[min(x + 1, columns - 1)], out[x])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def path_step(cost, previous, lowest, small, large, current, total):
+    """
+    One node of a semi-global path; return its lowest cost.
+
+    L(d) = C(d) + min(L'(d), L'(d -+ 1) + small, min L' + large) - min L' (Hirschmueller 2008,
+    eq. 13). previous and current have one guard entry at either end.
+
+    """
+    depth = cost.size
+    jump = I2(lowest + large)
+    before = previous[:depth]
+    same = previous[1:depth + 1]
+    after = previous[2:depth + 2]
+    own = current[1:depth + 1]
+    for d in range(depth):
+        best = min(min(same[d], I2(min(before[d], after[d]) + small)), jump)
+        value = I2(cost[d] + I2(best - lowest))
+        own[d] = value
+        total[d] = I2(total[d] + value)
+    least = own[0]
+    for d in range(depth):
+        least = min(least, own[d])
+    return least
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def sgm_rows(cost, small, large, total, scratch):
+    """Write total = the two horizontal path costs; scratch int16 (BANDS, 2, D + 2)."""
+    rows, columns, depth = cost.shape
+    for k in prange(BANDS):
+        start, stop = band(k, BANDS, rows)
+        old, new = scratch[k, 0], scratch[k, 1]
+        for y in range(start, stop):
+            total[y] = I2(0)
+            for sense in range(2):
+                reset_path(old)
+                lowest = I2(0)
+                for step in range(columns):
+                    x = step if sense == 0 else columns - 1 - step
+                    lowest = path_step(cost[y, x], old, lowest, small, large, new, total[y, x])
+                    new[0] = I2(8000)
+                    new[depth + 1] = I2(8000)
+                    old, new = new, old
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def sgm_columns(cost, small, large, total, scratch, lowest):
+    """
+    Add the two vertical path costs to total, a band of columns a thread.
+
+    scratch int16 (2, w, D + 2), lowest int16 (w): the running paths of every column.
+
+    """
+    rows, columns, depth = cost.shape
+    for k in prange(BANDS):
+        start, stop = band(k, BANDS, columns)
+        for sense in range(2):
+            for x in range(start, stop):
+                reset_path(scratch[0, x])
+                lowest[x] = I2(0)
+            for step in range(rows):
+                y = step if sense == 0 else rows - 1 - step
+                old, new = scratch[step % 2], scratch[1 - step % 2]
+                for x in range(start, stop):
+                    lowest[x] = path_step(cost[y, x], old[x], lowest[x], small, large, new[x],
+                                          total[y, x])
+                    new[x, 0] = I2(8000)
+                    new[x, depth + 1] = I2(8000)
+
+
+@njit(cache=True, nogil=True)
+def reset_path(path):
+    """Start a path: all disparities cost nothing, the guards very much."""
+    path[:] = I2(0)
+    path[0] = I2(8000)
+    path[path.size - 1] = I2(8000)
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def winners(total, first, disparity, scratch):
+    """
+    Winner-takes-all with left-right consistency on the coarse grid.
+
+    Writes disparity (coarse nodes, V-fit between neighbors, NaN where the right image prefers
+    another left node by more than one). scratch int32 (BANDS, 2, w).
+
+    """
+    rows, columns, depth = total.shape
+    for k in prange(BANDS):
+        start, stop = band(k, BANDS, rows)
+        arg_left, best_right = scratch[k, 0], scratch[k, 1]
+        for y in range(start, stop):
+            best_right[:] = 1 << 28
+            for x in range(columns):
+                line = total[y, x]
+                least = line[0]
+                for d in range(depth):
+                    least = min(least, line[d])
+                at = 0
+                while line[at] != least:
+                    at += 1
+                fraction = F4(0)
+                if 0 < at < depth - 1:
+                    rise = max(line[at - 1], line[at + 1]) - least
+                    if rise > 0:
+                        fraction = F4(0.5) * F4(line[at - 1] - line[at + 1]) / F4(rise)
+                disparity[y, x] = F4(first + at) + fraction
+                arg_left[x] = first + at
+                right = x - (first + at)
+                if 0 <= right < columns:
+                    # cost and disparity in one number: the cheaper, then the nearer one wins
+                    best_right[right] = min(best_right[right], least * 4096 + 2048 - (first + at))
+            for x in range(columns):
+                right = x - arg_left[x]
+                if 0 <= right < columns:
+                    rival = 2048 - best_right[right] % 4096
+                    if abs(rival - arg_left[x]) > 1:
+                        disparity[y, x] = np.nan
+                else:
+                    disparity[y, x] = np.nan
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def seed_planes(coarse, factor, offset, rows, columns, d, a, b):
+    """
+    Give every node of the (rows, columns) half grid the plane of its coarse node.
+
+    Slopes are the smaller of the two one-sided differences, so that they do not reach across a
+    depth edge. coarse is in coarse nodes; d, a, b in full pixels per node, framed; NaN stays.
+    offset (px) is added: the coarse grids of left and right may be shifted.
+
+    """
+    coarse_rows, coarse_columns = coarse.shape
+    unit = F4(2 * factor)
+    center = F4(0.5 * (factor - 1))
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, rows)
+        for y in range(first, last):
+            cy = min(y // factor, coarse_rows - 1)
+            off_y = F4(y - cy * factor) - center
+            for cx in range(coarse_columns):
+                here = coarse[cy, cx]
+                slope_x = F4(2) * smaller_step(coarse[cy, max(cx - 1, 0)], here,
+                                               coarse[cy, min(cx + 1, coarse_columns - 1)])
+                slope_y = F4(2) * smaller_step(coarse[max(cy - 1, 0), cx], here,
+                                               coarse[min(cy + 1, coarse_rows - 1), cx])
+                base = here * unit + offset + slope_y * off_y
+                stop = columns if cx == coarse_columns - 1 else (cx + 1) * factor
+                for x in range(cx * factor, stop):
+                    d[y + PAD, x + PAD] = base + slope_x * (F4(x - cx * factor) - center)
+                    a[y + PAD, x + PAD] = slope_x
+                    b[y + PAD, x + PAD] = slope_y
+
+
+@njit(cache=True, nogil=True)
+def smaller_step(before, here, after):
+    """Return the smaller in magnitude of two differences, 0 where neither is known."""
+    backward = here - before
+    forward = after - here
+    if math.isnan(backward):
+        backward = forward
+    if math.isnan(forward):
+        forward = backward
+    if math.isnan(backward):
+        return F4(0)
+    return backward if abs(backward) < abs(forward) else forward
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
+def color_variance(s, peak, saturation, floor, shot, relative, out):
+    """
+    Write the variance of each chromaticity: (floor + shot s + relative s^2) / s^2.
+
+    FLAT where a color says nothing: outside the image, overexposed, or black.
+
+    """
+    rows, columns = s.shape
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, rows)
+        for y in range(first, last):
+            for x in range(columns):
+                inverse = F4(1) / max(s[y, x], F4(1e-3))
+                value = relative + inverse * (shot + floor * inverse)
+                bad = (peak[y, x] < 0) | (peak[y, x] >= saturation) | (value > FLAT)
+                out[y, x] = FLAT if bad else value
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
+def linearize(left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, tiles, robust,
+              scale, reference, weight, moment, misfit):
+    """
+    Compare every node of some tiles with the place its disparity points to, and linearize there.
+
+    With e = L - M R(x - d) and g = M R'(x - d), an error of the disparity shows as e = g (d -
+    d_true). Writes weight = w g.g, moment = weight (d - reference) - w g.e and misfit = w e.e,
+    where w = 1 / (scale (var_L + var_R)) and, in weight and moment, is multiplied by Cauchy's
+    1 / (1 + misfit / robust). Catmull-Rom interpolation: a linear one pulls towards whole
+    pixels. matrix (2, 3) maps right chromaticities to left ones. Unknown d, no information, or
+    a place outside the right image: weight = moment = 0, misfit NaN.
+
+    """
+    width = right_u.shape[1]
+    m00, m01, m02 = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    m10, m11, m12 = matrix[1, 0], matrix[1, 1], matrix[1, 2]
+    one, two, half = F4(1), F4(2), F4(0.5)
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, tiles.shape[0])
+        for tile in range(first, last):
+            top, left = tiles[tile, 0], tiles[tile, 1]
+            for y in range(top, top + TILE_ROWS):
+                ru, rv, rvar = right_u[y], right_v[y], right_var[y]
+                lu = left_u[y, left:left + TILE_COLUMNS]
+                lv = left_v[y, left:left + TILE_COLUMNS]
+                lvar = left_var[y, left:left + TILE_COLUMNS]
+                dd = d[y, left:left + TILE_COLUMNS]
+                out_weight = weight[y, left:left + TILE_COLUMNS]
+                out_moment = moment[y, left:left + TILE_COLUMNS]
+                out_misfit = misfit[y, left:left + TILE_COLUMNS]
+                for x in range(TILE_COLUMNS):
+                    place = F4(2 * (left - PAD + x)) - dd[x]
+                    known = (place >= one) & (place < F4(width - 2))
+                    place = place if known else one
+                    i = np.int32(place)
+                    t = place - F4(i)
+                    i0, i1 = np.uint32(i - 1), np.uint32(i)
+                    i2, i3 = np.uint32(i + 1), np.uint32(i + 2)
+                    w0 = half * t * (-one + t * (two - t))
+                    w1 = one + half * t * t * (F4(-5) + F4(3) * t)
+                    w2 = half * t * (one + t * (F4(4) - F4(3) * t))
+                    w3 = half * t * t * (t - one)
+                    g0 = half * (-one + t * (F4(4) - F4(3) * t))
+                    g1 = half * t * (F4(-10) + F4(9) * t)
+                    g2 = half * (one + t * (F4(8) - F4(9) * t))
+                    g3 = half * t * (F4(3) * t - two)
+                    u0, u1, u2, u3 = ru[i0], ru[i1], ru[i2], ru[i3]
+                    v0, v1, v2, v3 = rv[i0], rv[i1], rv[i2], rv[i3]
+                    u = w0 * u0 + w1 * u1 + w2 * u2 + w3 * u3
+                    v = w0 * v0 + w1 * v1 + w2 * v2 + w3 * v3
+                    gu = g0 * u0 + g1 * u1 + g2 * u2 + g3 * u3
+                    gv = g0 * v0 + g1 * v1 + g2 * v2 + g3 * v3
+                    error_u = lu[x] - (m00 * u + m01 * v + m02)
+                    error_v = lv[x] - (m10 * u + m11 * v + m12)
+                    slope_u = m00 * gu + m01 * gv
+                    slope_v = m10 * gu + m11 * gv
+                    noise = max(rvar[i1], rvar[i2])
+                    informed = known & (noise < FLAT) & (lvar[x] < FLAT)
+                    steep = slope_u * slope_u + slope_v * slope_v
+                    w = one / (scale * (lvar[x] + noise) + JITTER * steep)
+                    chi = w * (error_u * error_u + error_v * error_v)
+                    w = w / (one + chi / robust)
+                    strength = w * steep
+                    pulled = (strength * (dd[x] - reference)
+                              - w * (slope_u * error_u + slope_v * error_v))
+                    out_weight[x] = strength if informed else F4(0)
+                    out_moment[x] = pulled if informed else F4(0)
+                    out_misfit[x] = chi if informed else NAN
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def smooth_sums(weight, moment, y, left, columns_, sums):
+    """
+    Window sums of one tile row without a gate, first over rows, then over columns.
+
+    columns_ is float32 (5, TILE_COLUMNS + 2 RADIUS); sums as in `gated_sums`.
+
+    """
+    wide = TILE_COLUMNS + 2 * RADIUS
+    start = left - RADIUS
+    w0, w1, w2 = columns_[0], columns_[1], columns_[2]
+    z0, z1 = columns_[3], columns_[4]
+    columns_[:] = F4(0)
+    for j in range(-RADIUS, RADIUS + 1):
+        w = weight[y + j, start:start + wide]
+        z = moment[y + j, start:start + wide]
+        step = F4(j)
+        for x in range(wide):
+            w0[x] += w[x]
+            w1[x] += w[x] * step
+            w2[x] += w[x] * (step * step)
+            z0[x] += z[x]
+            z1[x] += z[x] * step
+    for x in range(TILE_COLUMNS):
+        s0, s1, s2, s3, s4, s5 = F4(0), F4(0), F4(0), F4(0), F4(0), F4(0)
+        t0, t1, t2 = F4(0), F4(0), F4(0)
+        for i in range(SPAN):
+            step = F4(i - RADIUS)
+            s0 += w0[x + i]
+            s1 += w0[x + i] * step
+            s3 += w0[x + i] * (step * step)
+            s2 += w1[x + i]
+            s4 += w1[x + i] * step
+            s5 += w2[x + i]
+            t0 += z0[x + i]
+            t1 += z0[x + i] * step
+            t2 += z1[x + i]
+        sums[0, x], sums[1, x], sums[2, x] = s0, s1, s2
+        sums[3, x], sums[4, x], sums[5, x] = s3, s4, s5
+        sums[6, x], sums[7, x], sums[8, x] = t0, t1, t2
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def gated_sums(weight, moment, d, a, b, y, left, gate, row, sums):
+    """
+    Window sums of one tile row over the nodes that lie on the surface of the center.
+
+    A node counts where its own disparity is within `gate` of the plane of the center. sums is
+    (9, TILE_COLUMNS): the moments 1, x, y, xx, xy, yy of weight and 1, x, y of moment; row is
+    float32 (6, TILE_COLUMNS).
+
+    """
+    sums[:] = F4(0)
+    dc = d[y, left:left + TILE_COLUMNS]
+    ac = a[y, left:left + TILE_COLUMNS]
+    bc = b[y, left:left + TILE_COLUMNS]
+    base, s0, s1, s2, t0, t1 = row[0], row[1], row[2], row[3], row[4], row[5]
+    for j in range(-RADIUS, RADIUS + 1):
+        row_y = F4(j)
+        row[:] = F4(0)
+        for x in range(TILE_COLUMNS):
+            base[x] = dc[x] + bc[x] * row_y
+        for i in range(-RADIUS, RADIUS + 1):
+            step = F4(i)
+            w_row = weight[y + j, left + i:left + i + TILE_COLUMNS]
+            z_row = moment[y + j, left + i:left + i + TILE_COLUMNS]
+            d_row = d[y + j, left + i:left + i + TILE_COLUMNS]
+            for x in range(TILE_COLUMNS):
+                near = abs(d_row[x] - (base[x] + ac[x] * step)) < gate
+                w = w_row[x] if near else F4(0)
+                z = z_row[x] if near else F4(0)
+                s0[x] += w
+                s1[x] += w * step
+                s2[x] += w * (step * step)
+                t0[x] += z
+                t1[x] += z * step
+        for x in range(TILE_COLUMNS):
+            sums[0, x] += s0[x]
+            sums[1, x] += s1[x]
+            sums[2, x] += s0[x] * row_y
+            sums[3, x] += s2[x]
+            sums[4, x] += s1[x] * row_y
+            sums[5, x] += s0[x] * (row_y * row_y)
+            sums[6, x] += t0[x]
+            sums[7, x] += t1[x]
+            sums[8, x] += t0[x] * row_y
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def solve_row(sums, d, a, b, ridge, steepest, reference, new_d, new_a, new_b, variance):
+    """
+    Solve the 3 x 3 normal equations of one tile row for the planes (d, a, b).
+
+    The slopes are held by a ridge of `ridge` times the zeroth moment towards their last value.
+    variance is that of d at the center for noise of unit misfit; inf without information.
+
+    """
+    for x in range(TILE_COLUMNS):
+        known = sums[0, x] > F4(1e-6)
+        s0 = max(sums[0, x], F4(1e-6))
+        hold = ridge * s0
+        inverse = F4(1) / s0
+        mean_x = sums[1, x] * inverse
+        mean_y = sums[2, x] * inverse
+        xx = sums[3, x] - sums[1, x] * mean_x + hold
+        xy = sums[4, x] - sums[1, x] * mean_y
+        yy = sums[5, x] - sums[2, x] * mean_y + hold
+        tx = sums[7, x] - mean_x * sums[6, x] + hold * a[x]
+        ty = sums[8, x] - mean_y * sums[6, x] + hold * b[x]
+        inverse_det = F4(1) / (xx * yy - xy * xy)
+        slope_x = (tx * yy - ty * xy) * inverse_det
+        slope_y = (ty * xx - tx * xy) * inverse_det
+        slope_x = min(max(slope_x, -steepest), steepest)
+        slope_y = min(max(slope_y, -steepest), steepest)
+        solved = sums[6, x] * inverse - mean_x * slope_x - mean_y * slope_y
+        spread = (mean_x * mean_x * yy - F4(2) * mean_x * mean_y * xy
+                  + mean_y * mean_y * xx) * inverse_det
+        new_d[x] = reference + solved if known else d[x]
+        new_a[x] = slope_x if known else a[x]
+        new_b[x] = slope_y if known else b[x]
+        variance[x] = inverse + spread if known else F4(np.inf)
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, ridge, steepest, reference, new_d,
+               new_a, new_b, variance):
+    """Least-squares planes of all nodes of some tiles; smooth (bool) says which need no gate."""
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, tiles.shape[0])
+        sums = np.empty((9, TILE_COLUMNS), F4)
+        row = np.empty((6, TILE_COLUMNS), F4)
+        columns_ = np.empty((5, TILE_COLUMNS + 2 * RADIUS), F4)
+        for tile in range(first, last):
+            top, left = tiles[tile, 0], tiles[tile, 1]
+            right = left + TILE_COLUMNS
+            for y in range(top, top + TILE_ROWS):
+                if smooth[tile]:
+                    smooth_sums(weight, moment, y, left, columns_, sums)
+                else:
+                    gated_sums(weight, moment, d, a, b, y, left, gate, row, sums)
+                solve_row(sums, d[y, left:right], a[y, left:right], b[y, left:right], ridge,
+                          steepest, reference, new_d[y, left:right], new_a[y, left:right],
+                          new_b[y, left:right], variance[y, left:right])
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
+def find_smooth_tiles(d, a, b, misfit, tiles, step, worst, smooth):
+    """
+    Mark the tiles in and around which one surface fits everywhere.
+
+    No unknown node, no step larger than `step` px between a node and the plane of its left and
+    upper neighbors (halo of RADIUS), and a mean misfit below `worst`.
+
+    """
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, tiles.shape[0])
+        for tile in range(first, last):
+            top, left = tiles[tile, 0] - RADIUS, tiles[tile, 1] - RADIUS
+            broken = 0
+            total = F4(0)
+            for y in range(top, top + TILE_ROWS + 2 * RADIUS):
+                above = d[y - 1, left:left + TILE_COLUMNS + 2 * RADIUS]
+                slope = b[y - 1, left:left + TILE_COLUMNS + 2 * RADIUS]
+                before = d[y, left - 1:left - 1 + TILE_COLUMNS + 2 * RADIUS]
+                lean = a[y, left - 1:left - 1 + TILE_COLUMNS + 2 * RADIUS]
+                here = d[y, left:left + TILE_COLUMNS + 2 * RADIUS]
+                chi = misfit[y, left:left + TILE_COLUMNS + 2 * RADIUS]
+                for x in range(TILE_COLUMNS + 2 * RADIUS):
+                    fits = ((abs(here[x] - above[x] - slope[x]) < step)
+                            & (abs(here[x] - before[x] - lean[x]) < step))
+                    broken += 0 if fits else 1
+                    total += chi[x] if chi[x] < F4(20) else F4(20)  # NaN counts as 20
+            mean = total / F4((TILE_ROWS + 2 * RADIUS) * (TILE_COLUMNS + 2 * RADIUS))
+            smooth[tile] = (broken == 0) & (mean < worst)
+
+
+HALO = 2  # of a cost patch: 3 x 3 mean, then the best of 3 x 3 shifted windows
+PATCH_ROWS = TILE_ROWS + 2 * HALO
+PATCH_COLUMNS = TILE_COLUMNS + 2 * HALO
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap, d, a,
+                 b, top, left, step_y, step_x, out):
+    """
+    Truncated misfit of one tile and its halo under the planes of nodes (step_y, step_x) away.
+
+    `cap` where the plane is unknown or leads outside the right image; half of it where the
+    right image is too dark to speak for or against.
+
+    """
+    width = right_u.shape[1]
+    m00, m01, m02 = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    m10, m11, m12 = matrix[1, 0], matrix[1, 1], matrix[1, 2]
+    start = left - HALO
+    stop = start + PATCH_COLUMNS
+    lean_x, lean_y = F4(step_x), F4(step_y)
+    for py in range(PATCH_ROWS):
+        y = top - HALO + py
+        dd = d[y + step_y, start + step_x:stop + step_x]
+        aa = a[y + step_y, start + step_x:stop + step_x]
+        bb = b[y + step_y, start + step_x:stop + step_x]
+        lu = left_u[y, start:stop]
+        lv = left_v[y, start:stop]
+        lvar = left_var[y, start:stop]
+        ru, rv, rvar = right_u[y], right_v[y], right_var[y]
+        row = out[py]
+        for x in range(PATCH_COLUMNS):
+            place = F4(2 * (start - PAD + x)) - (dd[x] - aa[x] * lean_x - bb[x] * lean_y)
+            known = (place >= F4(0)) & (place < F4(width - 1))
+            place = place if known else F4(0)
+            i = np.int32(place)
+            t = place - F4(i)
+            i0, i1 = np.uint32(i), np.uint32(i + 1)
+            slope_u, slope_v = ru[i1] - ru[i0], rv[i1] - rv[i0]
+            u = ru[i0] + slope_u * t
+            v = rv[i0] + slope_v * t
+            noise = max(rvar[i0], rvar[i1])
+            error_u = lu[x] - (m00 * u + m01 * v + m02)
+            error_v = lv[x] - (m10 * u + m11 * v + m12)
+            spread = (scale * (lvar[x] + noise)
+                      + JITTER * (slope_u * slope_u + slope_v * slope_v))
+            chi = (error_u * error_u + error_v * error_v) / spread
+            chi = min(chi, cap)
+            chi = chi if noise < FLAT else F4(0.5) * cap
+            row[x] = chi if known else cap
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def best_shifted_mean(misfit, mean, cost):
+    """
+    Write cost, float32 tile: the lowest of the nine 3 x 3 means that contain a node.
+
+    Windows that may shift do not straddle a depth edge. mean is a float32 patch of scratch.
+
+    """
+    ninth = F4(1.0 / 9.0)
+    for y in range(1, PATCH_ROWS - 1):
+        above, here, below = misfit[y - 1], misfit[y], misfit[y + 1]
+        row = mean[y]
+        for x in range(1, PATCH_COLUMNS - 1):
+            row[x] = ninth * (above[x - 1] + above[x] + above[x + 1] + here[x - 1] + here[x]
+                              + here[x + 1] + below[x - 1] + below[x] + below[x + 1])
+    for y in range(TILE_ROWS):
+        above, here, below = mean[y + 1], mean[y + 2], mean[y + 3]
+        row = cost[y]
+        for x in range(TILE_COLUMNS):
+            low = min(min(above[x + 1], above[x + 2]), above[x + 3])
+            low = min(low, min(min(here[x + 1], here[x + 2]), here[x + 3]))
+            row[x] = min(low, min(min(below[x + 1], below[x + 2]), below[x + 3]))
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap, inertia,
+              d, a, b, tiles, step, new_d, new_a, new_b, cost):
+    """
+    Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
+
+    A node takes the plane that fits best (see `best_shifted_mean`); its own one is favored by
+    `inertia`. Reads d, a, b, writes new_* and cost in the tiles only.
+
+    """
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, tiles.shape[0])
+        misfit = np.empty((PATCH_ROWS, PATCH_COLUMNS), F4)
+        mean = np.empty((PATCH_ROWS, PATCH_COLUMNS), F4)
+        trial = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
+        best = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
+        for tile in range(first, last):
+            top, left = tiles[tile, 0], tiles[tile, 1]
+            for candidate in range(5):
+                step_y = step * ((candidate == 2) - (candidate == 1))
+                step_x = step * ((candidate == 4) - (candidate == 3))
+                patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale,
+                             cap, d, a, b, top, left, step_y, step_x, misfit)
+                best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
+                take_better(trial, inertia, d, a, b, top, left, step_y, step_x, candidate == 0,
+                            best, new_d, new_a, new_b, cost)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, new_d, new_a,
+                new_b, cost):
+    """Write the plane of a candidate where its trial cost beats the best so far."""
+    for y in range(TILE_ROWS):
+        row = top + y
+        source = row + step_y
+        for x in range(TILE_COLUMNS):
+            column = left + x
+            if own:
+                new_d[row, column] = d[row, column]
+                new_a[row, column] = a[row, column]
+                new_b[row, column] = b[row, column]
+                cost[row, column] = best[y, x]
+                best[y, x] -= inertia
+            elif trial[y, x] < best[y, x]:
+                best[y, x] = trial[y, x]
+                slope_x = a[source, column + step_x]
+                slope_y = b[source, column + step_x]
+                new_d[row, column] = (d[source, column + step_x] - slope_x * F4(step_x)
+                                      - slope_y * F4(step_y))
+                new_a[row, column] = slope_x
+                new_b[row, column] = slope_y
+                cost[row, column] = trial[y, x]
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
+def judge(d, a, b, cost, misfit, variance, rows, columns, model, evidence, trust):
+    """
+    Log-odds that a node is right within 1 px, from how well its plane fits.
+
+    evidence, float32 (rows, columns, 4): roots of the cost of the best shifted window and of
+    the mean misfit of the 3 x 3 nodes, logarithms of the standard deviation (px) and of the
+    distance of the four neighbors from the plane (px). trust = model[0] + model[1:5] . evidence,
+    framed; -100 where d is unknown.
+
+    """
+    ninth, quarter = F4(1.0 / 9.0), F4(0.25)
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, rows)
+        for row in range(first, last):
+            y = row + PAD
+            for x in range(PAD, PAD + columns):
+                total = F4(0)
+                for j in range(-1, 2):
+                    for i in range(-1, 2):
+                        chi = misfit[y + j, x + i]
+                        total += chi if chi < CEILING else CEILING
+                here = d[y, x]
+                lean_x, lean_y = a[y, x], b[y, x]
+                apart = (apartness(d[y, x + 1] - here - lean_x)
+                         + apartness(d[y, x - 1] - here + lean_x)
+                         + apartness(d[y + 1, x] - here - lean_y)
+                         + apartness(d[y - 1, x] - here + lean_y))
+                e0 = math.sqrt(min(cost[y, x], CEILING))
+                e1 = math.sqrt(total * ninth)
+                e2 = F4(0.5) * math.log(min(max(variance[y, x], F4(2.5e-5)), F4(4)))
+                e3 = math.log(F4(0.02) + quarter * apart)
+                evidence[row, x - PAD, 0] = e0
+                evidence[row, x - PAD, 1] = e1
+                evidence[row, x - PAD, 2] = e2
+                evidence[row, x - PAD, 3] = e3
+                odds = model[0] + model[1] * e0 + model[2] * e1 + model[3] * e2 + model[4] * e3
+                trust[y, x] = odds if here == here else F4(-100)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def apartness(difference):
+    """Return the magnitude of a difference, at most 2 px; NaN counts as that."""
+    size = abs(difference)
+    return size if size < F4(2) else F4(2)
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
+def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
+    """
+    Mark nodes whose place in the right image belongs to a more trusted surface.
+
+    Every node covers the right columns that its footprint reaches; per column the most trusted
+    node is kept. A node is hidden where that node's surface, continued along its own plane,
+    does not pass through it. scratch is int32 (BANDS, width).
+
+    """
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, rows)
+        owner = scratch[k]
+        for row in range(first, last):
+            y = row + PAD
+            owner[:] = -1
+            for x in range(PAD, PAD + columns):
+                if trust[y, x] > F4(-50):
+                    center = F4(2 * (x - PAD)) - d[y, x]
+                    reach = min(max(F4(0.5), F4(1) - F4(0.5) * a[y, x]), F4(4))
+                    start = max(int(math.ceil(center - reach)), 0)
+                    stop = min(int(math.floor(center + reach)), width - 1)
+                    for at in range(start, stop + 1):
+                        if owner[at] < 0 or trust[y, x] > trust[y, owner[at]]:
+                            owner[at] = x
+            for x in range(PAD, PAD + columns):
+                hidden[y, x] = False
+                if trust[y, x] > F4(-50):
+                    at = int(math.floor(F4(2 * (x - PAD)) - d[y, x] + F4(0.5)))
+                    if 0 <= at < width and owner[at] >= 0:
+                        rival = owner[at]
+                        apart = abs(d[y, rival] + a[y, rival] * F4(x - rival) - d[y, x])
+                        hidden[y, x] = apart > tolerance + F4(0.25) * abs(F4(x - rival))
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
+def settle(d, variance, cost, trust, hidden, peak, s, rows, columns, limits, saturation, dark,
+           hidden_odds, least_odds, vague, factor, std, confidence, status):
+    """
+    Turn evidence into confidence, standard deviation and a reason where there is no range.
+
+    limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes; below
+    least_odds a node has no range. vague (px): the standard deviation from which on the reason
+    is an ambiguous color. factor: of the standard deviation, for correlated noise. status takes the codes of types.Status.
+
+    """
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, rows)
+        for y in range(first + PAD, last + PAD):
+            for x in range(PAD, PAD + columns):
+                odds = trust[y, x] + (hidden_odds if hidden[y, x] else F4(0))
+                spread = factor * math.sqrt(variance[y, x])
+                confidence[y, x] = F4(1) / (F4(1) + math.exp(-odds))
+                std[y, x] = spread
+                unsure = odds < least_odds
+                here = d[y, x]
+                if peak[y, x] < F4(0):
+                    code = OUTSIDE_IMAGE
+                elif unsure and peak[y, x] >= saturation:
+                    code = SATURATED
+                elif s[y, x] < dark and peak[y, x] < saturation:
+                    code = DARK
+                elif math.isnan(here):
+                    code = NO_MATCH
+                elif here < limits[0] or here > limits[1]:
+                    code = OUT_OF_RANGE
+                elif not unsure:
+                    code = VALID
+                elif hidden[y, x]:
+                    code = INCONSISTENT
+                elif spread > vague:
+                    code = AMBIGUOUS
+                elif cost[y, x] > F4(0.3) * CEILING:
+                    code = NO_MATCH
+                else:
+                    code = IMPLAUSIBLE
+                status[y, x] = code
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
+def expand(d, a, b, std, confidence, status, rows, columns, limits, focal_baseline, offset,
+           disparity, depth, out_std, out_confidence, out_status):
+    """
+    Evaluate the planes of the valid nodes at every pixel, and triangulate.
+
+    Z = focal_baseline / (d - offset). Pixels beyond the last whole node take the nearest one.
+    Where there is no range, disparity, depth and out_std are NaN and confidence is 0.
+
+    """
+    height, width = disparity.shape
+    for k in prange(BANDS):
+        first, last = band(k, BANDS, height)
+        for v in range(first, last):
+            y = min(v >> 1, rows - 1)
+            lean_y = F4(0.5) * (F4(v - 2 * y) - F4(0.5))
+            row = y + PAD
+            for u in range(width):
+                at = min(u >> 1, columns - 1) + PAD
+                lean_x = F4(0.5) * (F4(u - 2 * (at - PAD)) - F4(0.5))
+                value = d[row, at] + a[row, at] * lean_x + b[row, at] * lean_y
+                code = status[row, at]
+                inside = (value >= limits[0]) & (value <= limits[1])
+                code = OUT_OF_RANGE if (code == VALID) & (not inside) else code
+                valid = code == VALID
+                disparity[v, u] = value if valid else NAN
+                depth[v, u] = focal_baseline / (value - offset) if valid else NAN
+                out_std[v, u] = std[row, at] if valid else NAN
+                out_confidence[v, u] = confidence[row, at] if valid else F4(0)
+                out_status[v, u] = code

@@ -1,0 +1,400 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The surface method: coarse to fine, with a slanted plane at every node.
+
+1. Colors: each image is rectified at half resolution (the right one keeps its columns) and
+   turned into chromaticity with a variance.
+2. Coarse: a semi-global search over all disparities, on a sixteenth of the pixels or fewer.
+3. Fine: least squares of a plane at every node, from the gradient of the chromaticity; between
+   its rounds, nodes near depth edges try the planes of their neighbors.
+4. Honest: what is hidden from the right camera, fits badly or is too uncertain gets no range.
+
+The cost of all but the coarse step does not depend on the number of disparities. Arrays that
+live on the half grid carry the frame that `_surface_kernels` describes.
+
+"""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+
+from . import _surface_kernels as kernels
+from .rectification import inside_image, raw_coordinates
+from .triangulation import search_interval
+from .types import Measurement
+
+F4 = np.float32
+SOFT = F4(3.0)      # DN: keeps the chromaticity of black finite
+NOISE = F4(6.0), F4(0.25), F4(0.0006)  # DN^2, DN, 1: a plausible camera; its scale is measured
+QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
+ROBUST = F4(9.0)    # misfit at which a node counts half
+RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
+STEEPEST = F4(6.0)  # px per node
+GATES = 3.0, 1.5, 1.5    # px from the plane of the center, per round: coarse seeds are rough
+STEPS = (4, 2, 1), (1,)  # nodes, per propagation between the rounds
+TRUNCATION = F4(30.0)    # misfit beyond which a node says no more than that it does not fit
+INERTIA = F4(0.5)   # by how much another plane must fit better
+CONTINUOUS = F4(1.0)     # px between neighbors on one surface
+SMOOTH_MISFIT = F4(5.0)  # mean misfit of a tile where nothing is wrong
+SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
+VAGUE = F4(0.25)    # px: standard deviation that an ambiguous color explains
+# Log-odds of being right within 1 px: constant; roots of window cost and mean misfit; logarithms
+# of standard deviation and distance of the neighbors; hidden. Fitted on simulated scenes, see
+# docs/surface_method.md.
+MODEL = np.array([-4.2, -0.8, -0.3, -3.0, -0.3], F4)
+HIDDEN_ODDS = F4(-2.0)
+STD_FACTOR = F4(1.0)
+
+
+class SurfaceMethod:
+    """
+    Measures the pairs of one rig.
+
+    Parameters
+    ----------
+    settings : Settings
+    calibration : StereoCalibration
+    limits : (float, float)
+        Smallest and largest disparity, px.
+    rectified_input : bool
+        The images arrive rectified already.
+
+    """
+
+    def __init__(self, settings, calibration, limits, rectified_input=False):
+        """Build the maps and allocate all buffers."""
+        self.settings = settings
+        self.geometry = calibration.geometry
+        self.limits = np.array(limits, F4)
+        height, width = self.geometry.height, self.geometry.width
+        self.nodes = height // 2, width // 2
+        shape = tuple(2 * kernels.PAD + whole(count, tile) for count, tile in zip(
+            self.nodes, (kernels.TILE_ROWS, kernels.TILE_COLUMNS)))
+        rows, columns = self.nodes
+        self.left = View(calibration.left, rows, columns, 2, shape, rectified_input)
+        self.right = View(calibration.right, rows, width - 1, 1, (shape[0], width),
+                          rectified_input)
+        self.coarse = CoarseSearch(self.nodes, width, limits, settings.matching.smoothness)
+        self.tiles = tiles_of(shape)
+        self.planes = [np.full(shape, np.nan, F4), np.zeros(shape, F4), np.zeros(shape, F4)]
+        self.spare = [plane.copy() for plane in self.planes]
+        self.weight, self.moment, self.variance, self.cost = np.zeros((4, *shape), F4)
+        self.trust, self.std, self.confidence = np.zeros((3, *shape), F4)
+        self.misfit = np.full(shape, np.nan, F4)
+        self.evidence = np.empty((*self.nodes, 4), F4)
+        self.hidden = np.zeros(shape, bool)
+        self.owners = np.empty((kernels.BANDS, width), np.int32)
+        self.status = np.zeros(shape, np.uint8)
+        self.reference = F4(np.mean(limits))
+
+    def measure(self, left, right, clock):
+        """
+        Measure one pair.
+
+        Parameters
+        ----------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB images.
+        clock : Stopwatch
+            Told when a stage ends.
+
+        Returns
+        -------
+        measurement : Measurement
+
+        """
+        matching = self.settings.matching
+        self.left.fill(left, self.settings.color)
+        self.right.fill(right, self.settings.color)
+        clock.lap('colors')
+        self.seed()
+        clock.lap('coarse')
+        self.matrix, self.scale = np.eye(2, 3, dtype=F4), F4(1)
+        self.cost.fill(1.0)
+        self.variance.fill(1.0)
+        tiles = self.tiles
+        for turn in range(matching.refinements):
+            if turn > 0 and matching.propagation:
+                tiles = self.propagate(STEPS[min(turn, len(STEPS)) - 1])
+                clock.lap(f'propagate {turn}')
+            self.fit_planes(tiles if turn > 1 else self.tiles, GATES[min(turn, len(GATES) - 1)])
+            clock.lap(f'fit {turn + 1}')
+            if turn == 0:
+                self.linearize(self.tiles)
+                self.adapt()
+                clock.lap('adapt')
+        self.judge()
+        clock.lap('judge')
+        return self.expand(clock)
+
+    def seed(self):
+        """Search all disparities on the coarse grid and give every node a first plane."""
+        found = self.coarse.search(self.left, self.right)
+        # right coarse nodes are averages of columns that lie half a pixel further right
+        kernels.seed_planes(found, self.coarse.factor, F4(-0.5), *self.nodes, *self.planes)
+
+    def linearize(self, tiles):
+        """Compare the nodes of some tiles with the places that their disparities point to."""
+        left, right = self.left, self.right
+        kernels.linearize(left.u, left.v, left.variance, right.u, right.v, right.variance,
+                          self.matrix, self.planes[0], tiles, ROBUST, self.scale, self.reference,
+                          self.weight, self.moment, self.misfit)
+
+    def fit_planes(self, tiles, gate):
+        """Fit planes to the nodes of some tiles by least squares."""
+        self.linearize(tiles)
+        smooth = self.smooth(tiles)
+        for plane, spare in zip(self.planes, self.spare):
+            np.copyto(spare, plane)
+        ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
+        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(gate), ridge,
+                           STEEPEST, self.reference, *self.spare, self.variance)
+        self.planes, self.spare = self.spare, self.planes
+
+    def smooth(self, tiles):
+        """Return which tiles one surface fills, bool (N,)."""
+        smooth = np.empty(len(tiles), bool)
+        kernels.find_smooth_tiles(*self.planes, self.misfit, tiles, CONTINUOUS, SMOOTH_MISFIT,
+                                  smooth)
+        return smooth
+
+    def propagate(self, steps):
+        """Let nodes of rough tiles try the planes of their neighbors; return these tiles."""
+        self.linearize(self.tiles)
+        tiles = self.tiles[~self.smooth(self.tiles)]
+        for plane, spare in zip(self.planes, self.spare):
+            np.copyto(spare, plane)
+        left, right = self.left, self.right
+        for step in steps:
+            kernels.propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
+                              self.matrix, self.scale, TRUNCATION, INERTIA, *self.planes, tiles,
+                              step, *self.spare, self.cost)
+            self.planes, self.spare = self.spare, self.planes
+        return tiles
+
+    def adapt(self):
+        """Measure from the matches so far how colors and noise of this pair really are."""
+        rows, columns = self.nodes
+        area = np.s_[kernels.PAD + 1:kernels.PAD + rows:4, kernels.PAD + 1:kernels.PAD + columns:4]
+        misfit = self.misfit[area]
+        known = np.isfinite(misfit)
+        if np.count_nonzero(known) < 100:
+            return
+        at = np.count_nonzero(known) // 4
+        self.scale = F4(np.clip(np.partition(misfit[known], at)[at] / QUARTILE, 0.1, 100.0))
+        if self.settings.matching.color_matching:
+            fits = known & (misfit < ROBUST * self.scale)
+            self.matrix = self.color_matrix(area, fits)
+
+    def color_matrix(self, area, fits):
+        """Return the affine map (2, 3) from right to left chromaticities of matched nodes."""
+        row, column = np.nonzero(fits)
+        y, x = area[0].start + 4 * row, area[1].start + 4 * column
+        place = 2 * (x - kernels.PAD) - self.planes[0][y, x]
+        i = np.clip(place.astype(np.int64), 0, self.right.u.shape[1] - 2)
+        t = place - i
+        right = [(1 - t) * plane[y, i] + t * plane[y, i + 1]
+                 for plane in (self.right.u, self.right.v)]
+        left = np.stack([self.left.u[y, x], self.left.v[y, x]], axis=1)
+        inputs = np.stack([*right, np.ones_like(t)], axis=1)
+        # a prior of 200 nodes for equal cameras steadies images with little color
+        normal = inputs.T @ inputs + 200 * np.diag([0.5, 0.5, 0.5])
+        return np.linalg.solve(
+            normal, inputs.T @ left + 100 * np.eye(3, 2)).T.astype(F4)
+
+    def judge(self):
+        """Find out how far each node can be trusted, and why some cannot."""
+        kernels.judge(*self.planes, self.cost, self.misfit, self.variance, *self.nodes, MODEL,
+                      self.evidence, self.trust)
+        if self.settings.matching.occlusion_test:
+            kernels.find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
+                                SEPARATE, self.hidden, self.owners)
+        color, least = self.settings.color, self.settings.matching.min_confidence
+        kernels.settle(self.planes[0], self.variance, self.cost, self.trust, self.hidden,
+                       self.left.peak, self.left.s, *self.nodes,
+                       self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
+                       F4(color.min_signal), HIDDEN_ODDS, log_odds(least), VAGUE, STD_FACTOR,
+                       self.std, self.confidence, self.status)
+
+    def expand(self, clock):
+        """Return the measurement at every pixel."""
+        shape = self.geometry.height, self.geometry.width
+        disparity, depth, std, confidence = (np.empty(shape, F4) for _ in range(4))
+        status = np.empty(shape, np.uint8)
+        kernels.expand(*self.planes, self.std, self.confidence, self.status, *self.nodes,
+                       self.limits, F4(self.geometry.focal_baseline),
+                       F4(self.geometry.principal_offset), disparity, depth, std, confidence,
+                       status)
+        clock.lap('expand')
+        return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
+                           status=status, depth=depth)
+
+
+class View:
+    """The colors of one camera on its half grid, and the buffers for them."""
+
+    def __init__(self, camera, rows, columns, step_x, shape, rectified):
+        """Build the map; see `half_grid_index` for the arguments."""
+        self.index = half_grid_index(camera, rows, columns, step_x, shape, rectified)
+        self.box = np.empty((camera.height, camera.width * 3), np.uint16)
+        self.u, self.v, self.s, self.peak, self.variance = np.zeros((5, *shape), F4)
+
+    def fill(self, image, color):
+        """Rectify an image, uint8 (H, W, 3), into chromaticity, brightness and variance."""
+        kernels.box_sums(image.reshape(image.shape[0], -1), self.box)
+        dark, gain = photometry(image, color)
+        kernels.sample_colors(self.box.reshape(-1), *self.index, self.box.shape[1], dark, gain,
+                              SOFT, self.u, self.v, self.s, self.peak)
+        kernels.color_variance(self.s, self.peak, F4(color.saturation_level - 1), *NOISE,
+                               self.variance)
+
+
+class CoarseSearch:
+    """Semi-global search over all disparities on the coarse grid."""
+
+    SCALE = F4(64.0)  # int16 steps per unit of chromaticity
+    KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
+    CAP, NEUTRAL = np.int16(160), np.int16(80)
+    SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
+
+    def __init__(self, nodes, width, limits, smoothness):
+        """Allocate the cost volume of a half grid of `nodes` under an image of `width` px."""
+        self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
+        h, w = (max(1, count // self.factor) for count in nodes)
+        step = 2 * self.factor
+        first, last = search_interval((limits[0] / step, limits[1] / step))
+        self.first, depth = first - 1, last - first + 3
+        self.penalties = [np.int16(round(smoothness * penalty))
+                          for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
+        self.left, self.right = np.zeros((2, 3, h, w), np.int16)
+        # column x - d of the right image lies at margin + (w - 1) - (x - d)
+        self.margin = w + max(abs(self.first), abs(self.first + depth))
+        self.reversed = np.zeros((3, h, w + 2 * self.margin), np.int16)
+        self.cost, self.total = np.empty((2, h, w, depth), np.int16)
+        self.cost_scratch = np.empty((kernels.BANDS, 4, w, depth), np.int16)
+        self.row_scratch = np.empty((kernels.BANDS, 2, depth + 2), np.int16)
+        self.column_scratch = np.empty((2, w, depth + 2), np.int16)
+        self.lowest = np.empty(w, np.int16)
+        self.disparity = np.empty((h, w), F4)
+        self.best = np.empty((kernels.BANDS, 2, w), np.int32)
+
+    def search(self, left, right):
+        """
+        Search one pair.
+
+        Parameters
+        ----------
+        left, right : View
+
+        Returns
+        -------
+        disparity : numpy.ndarray, float32, shape (h, w)
+            In coarse nodes; NaN where left and right disagree.
+
+        """
+        factor, w = self.factor, self.left.shape[2]
+        for view, first, step, out in ((left, kernels.PAD, factor, self.left),
+                                       (right, 0, 2 * factor, self.right)):
+            kernels.reduce_colors(view.u, view.v, view.s, kernels.PAD, first, step, factor, SOFT,
+                                  self.SCALE, self.KNEE, *out)
+        self.reversed[:, :, self.margin:self.margin + w] = self.right[:, :, ::-1]
+        kernels.cost_volume(*self.left, *self.reversed, self.margin + w - 1 + self.first, self.CAP,
+                            self.NEUTRAL, self.cost, self.cost_scratch)
+        kernels.sgm_rows(self.cost, *self.penalties, self.total, self.row_scratch)
+        kernels.sgm_columns(self.cost, *self.penalties, self.total, self.column_scratch,
+                            self.lowest)
+        kernels.winners(self.total, self.first, self.disparity, self.best)
+        return self.disparity
+
+
+def photometry(image, color):
+    """
+    Return dark level and gain of each channel, float32 (3,), DN and 1.
+
+    The gains make the channels equally bright on average; the pattern holds all hues alike.
+
+    """
+    sample = image[4::8, 4::8].reshape(-1, 3)
+    if color.dark_level < 0 and sample.size:
+        dark = np.minimum(np.percentile(sample, 0.5, axis=0), DARKEST).astype(F4)
+    else:
+        dark = np.full(3, max(color.dark_level, 0.0), F4)
+    if not color.equalize or not sample.size:
+        return dark, np.ones(3, F4)
+    mean = np.maximum(sample - dark, 0).mean(axis=0) + F4(0.5)
+    return dark, np.clip(mean.mean() / mean, 0.25, 4.0).astype(F4)
+
+
+DARKEST = 24.0  # DN: an estimated dark level above this is light
+
+
+def half_grid_index(camera, rows, columns, step_x, shape, rectified):
+    """
+    Return where the nodes of a half grid lie in the raw image.
+
+    Parameters
+    ----------
+    camera : CameraModel
+    rows, columns : int
+        Nodes; node (j, i) has its center at column step_x i + 0.5, row 2 j + 0.5.
+    step_x : int
+        Columns per node, 2 or 1.
+    shape : (int, int)
+        Of the framed arrays.
+    rectified : bool
+        The image arrives rectified.
+
+    Returns
+    -------
+    index : numpy.ndarray, int32, framed
+        First entry of the upper left neighbor in the interleaved box sums; -1 = outside.
+    frac_x, frac_y : numpy.ndarray, float32, framed
+        Position between the neighbors, 0..1.
+
+    """
+    if rectified:
+        x, y = np.meshgrid(np.arange(columns, dtype=F4) * step_x, np.arange(rows, dtype=F4) * 2)
+        inside = np.ones(x.shape, bool)
+    else:
+        x, y = raw_coordinates(half_grid_camera(camera, rows, columns, step_x))
+        inside = inside_image(x, y, camera.width, camera.height)
+        # box sums have their centers half a pixel right of and below their index
+        x, y = x - F4(0.5), y - F4(0.5)
+    x, y = np.clip(x, 0, camera.width - 2), np.clip(y, 0, camera.height - 2)
+    left, top = x.astype(np.int32), y.astype(np.int32)
+    first = kernels.PAD if step_x == 2 else 0
+    area = np.s_[kernels.PAD:kernels.PAD + rows, first:first + columns]
+    index = np.full(shape, -1, np.int32)
+    frac_x, frac_y = np.zeros((2, *shape), F4)
+    index[area] = np.where(inside, (top * camera.width + left) * 3, -1)
+    frac_x[area], frac_y[area] = x - left, y - top
+    return index, frac_x, frac_y
+
+
+def half_grid_camera(camera, rows, columns, step_x):
+    """Return the camera whose pixels are the nodes of a half grid."""
+    projection = camera.P[:, :3].copy()
+    projection[:2, 2] -= 0.5
+    return SimpleNamespace(
+        K=camera.K, D=camera.D, R=camera.R, P=np.diag([1.0 / step_x, 0.5, 1.0]) @ projection,
+        width=columns, height=rows, distortion_model=camera.distortion_model)
+
+
+def tiles_of(shape):
+    """Return the first row and column of every tile of a framed half grid, int32 (N, 2)."""
+    rows = np.arange(kernels.PAD, shape[0] - kernels.PAD, kernels.TILE_ROWS)
+    columns = np.arange(kernels.PAD, shape[1] - kernels.PAD, kernels.TILE_COLUMNS)
+    return np.stack(np.meshgrid(rows, columns, indexing='ij'), axis=-1).reshape(-1, 2).astype(
+        np.int32)
+
+
+def whole(count, step):
+    """Return count rounded up to a multiple of step."""
+    return -(-count // step) * step
+
+
+def log_odds(probability):
+    """Return the log-odds of a probability 0..1, float32, finite."""
+    p = min(max(probability, 1e-6), 1 - 1e-6)
+    return F4(math.log(p / (1 - p)))
