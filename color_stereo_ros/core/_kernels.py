@@ -16,6 +16,17 @@ import math
 import numpy as np
 from numba import get_num_threads, njit, prange
 
+from .types import Status
+
+VALID = int(Status.VALID)
+OUTSIDE_IMAGE = int(Status.OUTSIDE_IMAGE)
+DARK = int(Status.DARK)
+SATURATED = int(Status.SATURATED)
+NO_MATCH = int(Status.NO_MATCH)
+AMBIGUOUS = int(Status.AMBIGUOUS)
+INCONSISTENT = int(Status.INCONSISTENT)
+OUT_OF_RANGE = int(Status.OUT_OF_RANGE)
+
 COST_UNIT = 2.0      # stored cost per DN^2
 COST_CAP = 16000     # stored cost of colors 89 DN apart and more: bounds what an outlier counts
 FAR = 1.0e3          # color ratio that no lit pixel has
@@ -38,7 +49,7 @@ def correct_colors(image, inside, dark, gains, min_signal, saturation, zero_weak
     Correct the colors of an image (paper, sec. 2.2) and find the pixels that cannot be used.
 
     Writes corrected (H, W, 4): components and 1, or four zeros where the pixel cannot be used;
-    reason (H, W): 0 usable, otherwise 1 outside, 2 dark, 3 saturated (the codes of Status).
+    reason (H, W): VALID where usable, OUTSIDE_IMAGE, DARK or SATURATED.
 
     """
     height, width = reason.shape
@@ -46,17 +57,17 @@ def correct_colors(image, inside, dark, gains, min_signal, saturation, zero_weak
         for x in range(width):
             red, green, blue = int(image[y, x, 0]), int(image[y, x, 1]), int(image[y, x, 2])
             strongest = max(red - dark[0], green - dark[1], blue - dark[2])
-            code = 0
+            code = VALID
             if not inside[y, x]:
-                code = 1
+                code = OUTSIDE_IMAGE
             elif max(red, green, blue) >= saturation:
-                code = 3
+                code = SATURATED
             elif strongest < min_signal:
-                code = 2
+                code = DARK
             reason[y, x] = code
             for channel in range(4):
                 corrected[y, x, channel] = np.float32(0.0)
-            if code == 0:
+            if code == VALID:
                 r = max(np.float32(0.0), (red - dark[0]) * gains[0])
                 g = max(np.float32(0.0), (green - dark[1]) * gains[1])
                 b = max(np.float32(0.0), (blue - dark[2]) * gains[2])
@@ -111,7 +122,7 @@ def normalize(colors, reason):
     for y in prange(height):
         for x in range(width):
             factor = np.float32(0.0)
-            if reason[y, x] == 0:
+            if reason[y, x] == VALID:
                 factor = np.float32(1.0) / colors[y, x, 3]
             for channel in range(4):
                 colors[y, x, channel] *= factor
@@ -351,23 +362,23 @@ def judge(winner, costs, reason, right, first, count, low, high, tolerance, uniq
             before, best = np.float32(costs[y, x, 0]), np.float32(costs[y, x, 1])
             after, second = np.float32(costs[y, x, 2]), np.float32(costs[y, x, 3])
             bend = before - best + after - best
-            code = reason[y, x]
-            if code == 0:
+            code = int(reason[y, x])
+            if code == VALID:
                 if k == 0 or k == count - 1:
-                    code = 7  # least at a limit of the range: the minimum may lie outside
+                    code = OUT_OF_RANGE  # least at a limit: the minimum may lie outside
                 elif k == low[y, x] or k == high[y, x] - 1 or column < 0 or column >= width:
-                    code = 4
+                    code = NO_MATCH
                 elif right[y, column, 3] == 0:
-                    code = 4
+                    code = NO_MATCH
                 elif tolerance > 0 and abs(winner[y, x, 1] - k) > tolerance:
-                    code = 6
+                    code = INCONSISTENT
                 elif bend <= 0 or (uniqueness > 0 and second <= best * distinct):
-                    code = 5
+                    code = AMBIGUOUS
             status[y, x] = code
             disparity[y, x] = np.nan
             deviation[y, x] = np.nan
             confidence[y, x] = 0.0
-            if code == 0:
+            if code == VALID:
                 # Least squares: with Q = Q0 + bend / 2 (d - d0)^2 and a noise of Q0 / (2 n) per
                 # color difference, the variance of d0 is that noise over half the bend.
                 noise = max(best, one) / independent
