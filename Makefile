@@ -26,7 +26,7 @@ bench:  ## measure times, beside OpenCV's matchers
 
 evaluate:  ## the paper's experiments on the simulated rig, as a report in evaluation_output/
 	@.ci/setup ros,tools,sim
-	@$(COLOR_STEREO) evaluate
+	@$(COLOR_STEREO) evaluate --output evaluation_output
 
 floor:  ## run the tests of the core on the oldest versions that are supported
 	@python=$$(.ci/python 3.12) && \

@@ -38,8 +38,8 @@ setup(
     extras_require={
         # ROS 2 Jazzy itself, for machines without /opt/ros
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
-        'sim': ['mitsuba>=3.5', 'scipy>=1.11'],
-        'tools': ['rosbags>=0.10', 'matplotlib>=3.6', 'tqdm>=4.66'],
+        'sim': ['mitsuba>=3.5'],
+        'tools': ['rosbags>=0.11', 'matplotlib>=3.6', 'tqdm>=4.66'],
         'test': ['pytest>=7.4', 'colcon-common-extensions', 'setuptools<80'],
     },
     zip_safe=False,

@@ -24,7 +24,7 @@ ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'numpy': 'pyth
                'yaml': 'python3-yaml', 'matplotlib': 'python3-matplotlib'}
 """Module to rosdep key, where they differ."""
 
-FROM_PYPI = {'mitsuba', 'drjit', 'scipy', 'rosbags', 'tqdm'}
+FROM_PYPI = {'mitsuba', 'drjit', 'rosbags', 'tqdm'}
 """Modules of the extras that rosdep does not install."""
 
 

@@ -22,7 +22,7 @@ FAILURE = 1
 INTERRUPTED = 130
 
 EXTRAS = {
-    'sim': ('mitsuba', 'drjit', 'scipy'),
+    'sim': ('mitsuba', 'drjit'),
     'tools': ('rosbags', 'matplotlib', 'tqdm'),
     'ros': ('rclpy', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'stereo_msgs', 'std_srvs',
             'diagnostic_msgs', 'builtin_interfaces', 'rcl_interfaces', 'lifecycle_msgs'),
