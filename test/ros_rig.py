@@ -12,7 +12,9 @@ import time
 
 # Chosen before ROS is imported: these tests hear nobody else, and nobody hears them.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ['ROS_DOMAIN_ID'] = str(SystemRandom().randint(1, 100))
+# (A process that a test starts finds the domain in its environment.)
+os.environ['ROS_DOMAIN_ID'] = os.environ.setdefault(
+    'COLOR_STEREO_TEST_DOMAIN', str(SystemRandom().randint(1, 100)))
 os.environ['PYTHONUNBUFFERED'] = '1'
 
 from color_stereo_ros.core import StereoCalibration  # noqa: E402

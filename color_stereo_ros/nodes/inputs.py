@@ -9,6 +9,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from ..core.types import ImageError
 from .calibration_watch import CalibrationWatch
+from .complaints import Complaints
 from .messages import check_image, stamp_ns
 from .synchroniser import SIDES, Synchronizer
 
@@ -98,6 +99,8 @@ class StereoInputs:
     def __init__(self, node, parameters, on_pair, on_calibration):
         self._node = node
         self._on_pair = on_pair
+        self._complain = Complaints(node.get_logger().error)
+        self._warn = Complaints(node.get_logger().warning)
         sync = parameters.settings.sync
         self.synchronizer = Synchronizer(sync.tolerance, sync.queue_size)
         self.calibration = CalibrationWatch(on_calibration)
@@ -122,7 +125,7 @@ class StereoInputs:
         except ImageError as error:
             self.refused[side] += 1
             self.refusals[side] = f'{side} image refused: {error}'
-            self._node.get_logger().error(self.refusals[side], throttle_duration_sec=2.0)
+            self._complain(self.refusals[side])
             return
         self.refusals[side] = None
         self._look_at_stamp(side, msg)
@@ -133,9 +136,7 @@ class StereoInputs:
     def _look_at_stamp(self, side, msg):
         self.zero_stamps = stamp_ns(msg.header) == 0
         if self.zero_stamps:
-            self._node.get_logger().warning(
-                f'{side} image has a stamp of zero: pairs cannot be told apart',
-                throttle_duration_sec=5.0)
+            self._warn(f'{side} image has a stamp of zero: pairs cannot be told apart')
 
     def configure(self, sync):
         """Take new sync.* settings."""

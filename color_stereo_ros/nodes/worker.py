@@ -12,6 +12,7 @@ import numpy as np
 from ..core.calibration import StereoCalibration
 from ..core.pipeline import ColorStereo
 from ..core.types import ColorStereoError
+from .complaints import Complaints
 from .messages import image_to_rgb
 from .synchroniser import LatestSlot
 
@@ -88,6 +89,7 @@ class Worker:
         self._publish = publish
         self._fail = fail
         self._logger = logger
+        self._complain = Complaints(logger.error)
         self._built = None  # (key, ColorStereo)
         self._slot = LatestSlot()
         self._thread = threading.Thread(target=self._run, name='color_stereo', daemon=True)
@@ -205,7 +207,7 @@ class Worker:
             self.account.failed += 1
             self._fail(pair, text)
         self.account.error = text
-        self._logger.error(f'{text}\n{trace}' if trace else text, throttle_duration_sec=2.0)
+        self._complain(f'{text}\n{trace}' if trace else text)
 
 
 def _image(side, message):
