@@ -88,7 +88,7 @@ class SimRigNode(Node):
         parameters.warn_of_unknown()
         self._settings = parameters.settings.sim
         self._scene = _load(self._settings)
-        self._publishers = self._make_publishers()
+        self._outputs = self._make_publishers()
         self.create_subscription(
             Image, 'pattern/image', self._show, latched(),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
@@ -193,8 +193,8 @@ class SimRigNode(Node):
             image = expose(view.radiance[index], camera, view.exposures[index], seed)
             header = Header(stamp=stamp, frame_id=f'{camera.name}_camera_optical_frame')
             model = getattr(rig.calibration, camera.name)
-            self._publishers[camera.name, CameraInfo].publish(_camera_info(model, header))
-            self._publishers[camera.name, Image].publish(_image(image, camera, header))
+            self._outputs[camera.name, CameraInfo].publish(_camera_info(model, header))
+            self._outputs[camera.name, Image].publish(_image(image, camera, header))
         self._count += 1
 
 

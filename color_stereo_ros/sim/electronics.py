@@ -41,8 +41,9 @@ def expose(radiance, camera, exposure, seed):
 
     Returns
     -------
-    image : numpy.ndarray, uint8 or uint16 (above 8 bits), shape (H, W, 3)
-        RGB; (H, W) without demosaicing.
+    image : numpy.ndarray, shape (H, W, 3)
+        RGB; (H, W) without demosaicing. uint8 up to 8 bits, 255 = white; uint16 above, the
+        numbers of the converter.
 
     """
     generator = np.random.default_rng(seed)
@@ -95,7 +96,8 @@ def _digitize(signal, camera, generator):
     dark = camera.dark_level / 255
     level = _response(electrons / camera.full_well, camera.response) + dark
     kind = np.uint8 if camera.bits <= 8 else np.uint16
-    return np.clip(np.round(level * highest), 0, highest).astype(kind)
+    digital = np.clip(np.round(level * highest), 0, highest).astype(kind)
+    return digital << max(0, 8 - camera.bits)  # few bits are the upper ones of a byte
 
 
 def _response(level, response):

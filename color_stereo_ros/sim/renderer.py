@@ -67,6 +67,7 @@ class Renderer:
         self._world = None
         self._direct = {}
         self._truth = {}
+        self._prepared = {}
 
     @property
     def world(self):
@@ -100,7 +101,7 @@ class Renderer:
         """
         _check_pattern(pattern)
         rig = self.scene.rig
-        radiance = tuple(self.radiance(camera, pattern) for camera in (rig.left, rig.right))
+        radiance = tuple(self._light(camera, pattern) for camera in (rig.left, rig.right))
         exposures = exposures_for(radiance, (rig.left, rig.right))
         images = [expose(light, camera, exposure, np.random.SeedSequence([seed, side]))
                   for side, (light, camera, exposure) in enumerate(
@@ -117,6 +118,15 @@ class Renderer:
         if self.indirect:
             image += self._bounced(camera, light, pattern)
         return image
+
+    def _light(self, camera, pattern):
+        prepared = self._prepared.pop((camera.name, _digest(pattern)), None)
+        return self.radiance(camera, pattern) if prepared is None else prepared
+
+    def prepare(self, camera, pattern):
+        """Trace the light of a camera now, so that the next `render` is quick."""
+        _check_pattern(pattern)
+        self._prepared[camera.name, _digest(pattern)] = self.radiance(camera, pattern)
 
     def direct(self, camera):
         """Return the DirectLight of a camera, from memory, the cache folder, or traced now."""
@@ -137,9 +147,8 @@ class Renderer:
         return self._truth[aspect]
 
     def _bounced(self, camera, light, pattern):
-        digest = hashlib.sha256(pattern.tobytes() + str(pattern.shape).encode()).hexdigest()[:12]
         return self._cached(
-            f'bounced-{camera.name}-{digest}', _Image,
+            f'bounced-{camera.name}-{_digest(pattern)}', _Image,
             lambda: _Image(indirect_image(self.world, light, camera, pattern,
                                           min(self.samples, INDIRECT_SAMPLES), _seed_of(camera)))).pixels
 
@@ -166,6 +175,11 @@ class _Image:
     """An image in the cache."""
 
     pixels: np.ndarray
+
+
+def _digest(pattern):
+    """Return a short hash of a pattern."""
+    return hashlib.sha256(pattern.tobytes() + str(pattern.shape).encode()).hexdigest()[:12]
 
 
 def _seed_of(camera):
