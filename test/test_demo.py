@@ -135,6 +135,16 @@ def test_the_demo_without_samples_is_refused(tmp_path, capsys):
     assert not (tmp_path / 'o').exists()
 
 
+def test_the_demo_never_removes_a_folder_of_somebody_else(tmp_path, scene_folder, capsys):
+    assert cli.main(['sample', str(scene_folder), str(tmp_path / 'samples/card')]) == 0
+    (tmp_path / 'thesis').mkdir()
+    (tmp_path / 'thesis/chapter.tex').touch()
+    assert cli.main(['demo', '--samples', str(tmp_path / 'samples'), '--output',
+                     str(tmp_path / 'thesis')]) == 2
+    assert 'it is not replaced' in capsys.readouterr().err
+    assert (tmp_path / 'thesis/chapter.tex').exists()
+
+
 def test_conversion_gives_exactly_what_the_node_publishes(tmp_path, recorded, parameters):
     assert cli.main(['convert', str(recorded), str(tmp_path / 'converted'), '--config',
                      str(parameters), '--topics', *OUTPUTS]) == 0

@@ -30,6 +30,8 @@ OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': Poin
            'disparity': DisparityImage, 'range_image': Image, 'confidence/image': Image,
            'status/image': Image}
 
+LOG = 'log'
+
 COMMANDS = """\
 color_stereo replay {recording} --loop
 ros2 run color_stereo_ros range_node --ros-args --params-file {settings}
@@ -64,8 +66,7 @@ class Demo:
 
     def run(self):
         """Return the path of the page."""
-        if self.output.exists():
-            shutil.rmtree(self.output)
+        self._make_room()
         with ros_node('color_stereo_demo') as node:
             measurements = [self._measure(node, folder) for folder in self.samples]
         self._say('writing the page')
@@ -77,6 +78,15 @@ class Demo:
         write_text(page, make_page(measurements, made, COMMANDS.format(
             recording=first / sample.RECORDING, settings=first / sample.SETTINGS)))
         return page
+
+    def _make_room(self):
+        """Remove the output of an earlier run, and nothing else."""
+        if not self.output.exists() or not any(self.output.iterdir()):
+            return
+        if not (self.output / LOG).is_dir():
+            raise RecordingError(f'{self.output}: holds something else than the output of an '
+                                 'earlier demo, so it is not replaced')
+        shutil.rmtree(self.output)
 
     def _say(self, text):
         print(f'[{time.monotonic() - self._start:5.1f} s] {text}', flush=True)
@@ -102,7 +112,7 @@ class Demo:
         collector = Collector(node, name, OUTPUTS)
         patterns = latched(node, Image, f'/{name}/pattern/image')
         ros = ('--ros-args', '-r', f'__ns:=/{name}', '--params-file', folder / sample.SETTINGS)
-        with Processes(self.output / 'log') as processes:
+        with Processes(self.output / LOG) as processes:
             self._say(f'{name}: starting pattern_node and range_node, playing the recording')
             processes.start(f'{name}_pattern_node', 'color_stereo_ros.nodes.pattern_node', *ros)
             started = time.monotonic()

@@ -160,7 +160,7 @@ class Collector:
         return keep
 
     def complete_set(self):
-        """Return topic name to message for one stamp that has all topics, None if there is none."""
+        """Return topic name to message of one stamp that has all topics, or None."""
         for messages in self._by_stamp.values():
             if messages.keys() == self._topics:
                 return messages
