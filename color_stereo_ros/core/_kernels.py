@@ -133,17 +133,15 @@ def _fill_right_row(colors, first, ratios_p, ratios_q):
     """Write the ratios to each component of one right row, reversed and padded, (3, W + D - 1)."""
     width = colors.shape[0]
     far = np.float32(FAR)
-    for i in range(ratios_p.shape[1]):
+    ratios_p[:] = far
+    ratios_q[:] = far
+    for i in range(max(0, -first), min(ratios_p.shape[1], width - first)):
         x = width - 1 - first - i
-        inside = 0 <= x < width and colors[max(0, min(x, width - 1)), 3] > 0
-        for m in range(3):
-            p, q = far, far
-            if inside:
-                divisor = max(colors[x, m], np.float32(1e-3))
-                p = min(far, colors[x, (m + 1) % 3] / divisor)
-                q = min(far, colors[x, (m + 2) % 3] / divisor)
-            ratios_p[m, i] = p
-            ratios_q[m, i] = q
+        if colors[x, 3] > 0:
+            for m in range(3):
+                scale = np.float32(1.0) / max(colors[x, m], np.float32(1e-3))
+                ratios_p[m, i] = min(far, colors[x, (m + 1) % 3] * scale)
+                ratios_q[m, i] = min(far, colors[x, (m + 2) % 3] * scale)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
