@@ -22,6 +22,11 @@ CORRECT_SHARE = 0.01
 LOCKING_ORDER = 3
 """Harmonics of the smooth curve of pixel locking."""
 
+LOCKING_BINS = 20
+
+LOCKING_PIXELS = 300
+"""Fewest pixels of a bin."""
+
 LEFT_OUT = 0.25
 """No point this close to its plane is left out, px."""
 
@@ -259,35 +264,38 @@ def pixel_locking(result, truth):
     """
     Return how the error depends on the fractional part of the true disparity.
 
-    A periodic curve (Fourier series of third order) is fitted to the errors of visible smooth
-    surfaces; its peak to peak is the pixel locking. Errors farther than three robust standard
-    deviations from the curve are left out.
+    The errors of visible smooth surfaces are averaged in 20 bins of the fraction, those farther
+    than three robust standard deviations (and than 0.25 px) from the median of their bin left
+    out; a periodic curve (Fourier series of third order) is fitted to the bins. Its peak to peak
+    is the pixel locking. Bins count alike, so that one flat target does not decide.
 
     Returns
     -------
     figures : dict or None
-        `peak_to_peak_px`, `fraction` (20 values 0..1) and `mean_px`, the curve itself; None if
-        less than nine tenths of all fractions occur.
+        `peak_to_peak_px`, `fraction` (20 values 0..1) and `mean_px`, the curve itself; None
+        unless all fractions occur.
 
     """
     true = disparity_from_depth(truth.depth.astype(np.float64), result.geometry)
     errors = result.disparity - true
     mask = (truth.visible & np.isfinite(errors) & (np.abs(errors) < 1)
             & ~depth_edges(truth, result.geometry))
-    fraction, errors = np.mod(true[mask], 1.0), errors[mask]
-    filled = np.count_nonzero(np.histogram(fraction, 20, (0, 1))[0] >= 50)
-    if filled < 18:
+    index = (np.mod(true[mask], 1.0) * LOCKING_BINS).astype(int) % LOCKING_BINS
+    if np.bincount(index, minlength=LOCKING_BINS).min() < LOCKING_PIXELS:
         return None
-    design = _harmonics(fraction)
-    keep = np.ones(errors.size, bool)
-    for _ in range(4):
-        curve = np.linalg.lstsq(design[keep], errors[keep], rcond=None)[0]
-        residuals = errors - design @ curve
-        keep = np.abs(residuals) <= 3 * max(robust_std(residuals), 1e-9)
-    fine = _harmonics(np.arange(200) / 200) @ curve
-    return {'peak_to_peak_px': float(np.ptp(fine)),
-            'fraction': [i / 20 for i in range(20)],
-            'mean_px': [float(value) for value in fine[::10]]}
+    errors = errors[mask]
+    means = np.array([_trimmed_mean(errors[index == i]) for i in range(LOCKING_BINS)])
+    fraction = (np.arange(LOCKING_BINS) + 0.5) / LOCKING_BINS
+    curve = np.linalg.lstsq(_harmonics(fraction), means, rcond=None)[0]
+    return {'peak_to_peak_px': float(np.ptp(_harmonics(np.arange(200) / 200) @ curve)),
+            'fraction': fraction.tolist(),
+            'mean_px': (_harmonics(fraction) @ curve).tolist()}
+
+
+def _trimmed_mean(values):
+    center = np.median(values)
+    near = np.abs(values - center) <= max(3 * robust_std(values), LEFT_OUT)
+    return values[near].mean()
 
 
 def _harmonics(fraction):

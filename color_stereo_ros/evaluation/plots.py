@@ -164,6 +164,7 @@ def surface_plot(surfaces, truth_limits):
         rows, columns = np.indices(depth.shape)[:, ::step, ::step]
         values = 1e3 * depth[::step, ::step]
         values = np.where((values > 1e3 * near) & (values < 1e3 * far), values, np.nan)
+        values[_beside_steps(values)] = np.nan
         axes.plot_surface(columns, rows, values, color=color_of(method), lw=0.15,
                           edgecolor='#ffffff', rstride=1, cstride=1, antialiased=True)
         axes.set(title=label_of(method), zlim=(1e3 * far, 1e3 * near), xlabel='column, px',
@@ -171,6 +172,15 @@ def surface_plot(surfaces, truth_limits):
         axes.view_init(38, -65)
         axes.set_box_aspect((1, 1, 0.55))
     return as_image(figure)
+
+
+def _beside_steps(values, step=12.0):
+    """Return where the next value in the row or column differs by more than a step, mm."""
+    rough = np.zeros(values.shape, bool)
+    with np.errstate(invalid='ignore'):
+        rough[:, :-1] |= np.abs(np.diff(values, axis=1)) > step
+        rough[:-1] |= np.abs(np.diff(values, axis=0)) > step
+    return rough
 
 
 @styled
@@ -234,13 +244,13 @@ def locking_plot(records, methods):
                   if r['method'] == method and not r['values'] and r['pattern'] != 'sweep'
                   and r['figures']['locking']]
         if curves:
-            fraction = curves[0]['fraction'] + [1.0]
+            fraction = [*curves[0]['fraction'], 1.0 + curves[0]['fraction'][0]]
             mean = np.mean([np.subtract(c['mean_px'], np.mean(c['mean_px'])) for c in curves],
                            axis=0)
             axes.plot(fraction, [*mean, mean[0]], color=color_of(method), label=label_of(method))
     axes.axhline(0, color='#9aa1ad', lw=1)
     axes.set(xlabel='fractional part of the true disparity, px', ylabel='mean error, px',
-             xlim=(0, 1))
+             xlim=(0, 1.03))
     axes.legend(loc='center left', bbox_to_anchor=(1.01, 0.5))
     return as_svg(figure)
 

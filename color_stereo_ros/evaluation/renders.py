@@ -12,7 +12,7 @@ from .metrics import Truth
 from .noise_limit import BAYER_SHARES, CameraNoise
 
 FULL_SCALE = 255  # DN
-FORMAT = 1  # raised when the meaning of kept pairs changes
+FORMAT = 2  # raised when the meaning of kept pairs changes
 
 
 class Renders:
@@ -88,6 +88,8 @@ def as_scene(scene, rendering, pattern):
     near, far = scene.rig.depth_limits
     settings = {'range.min_depth': float(near), 'range.max_depth': float(far),
                 **pattern_values(pattern)}
+    if scene.rig.left.sensitivity == scene.rig.right.sensitivity:
+        settings['color.equalize_cameras'] = 'shared'  # two cameras of one type, as in sec. 3
     noise = tuple(camera_noise(camera) for camera in (scene.rig.left, scene.rig.right))
     truth = Truth(rendering.truth.depth, rendering.truth.visible)
     return Scene(scene.name, rendering.left_rgb, rendering.right_rgb, rendering.calibration,

@@ -46,9 +46,10 @@ th:first-child, td:first-child { text-align: left; } tr.own td { background: #f1
 td small { color: var(--soft); } td.best { font-weight: 700; color: var(--good); }
 .wide { overflow-x: auto; } .dense table { font-size: 12.2px; }
 .dense th, .dense td { padding: 5px 6px; }
-.ridge img { max-width: 900px; } svg { max-width: 100%; height: auto; } figure { margin: 14px 0; }
+.ridge img { max-width: 980px; } svg { width: 100%; max-width: 980px;
+        height: auto; } figure { margin: 14px 0; }
 .gallery { display: grid; gap: 10px;
-           grid-template-columns: repeat(auto-fill, minmax(185px, 1fr)); }
+           grid-template-columns: repeat(auto-fill, minmax(165px, 1fr)); }
 .gallery figure { margin: 0; } .gallery img, figure img { width: 100%; border-radius: 6px;
         display: block; }
 .gallery img { image-rendering: auto; background: #222; }
