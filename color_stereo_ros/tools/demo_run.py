@@ -31,6 +31,7 @@ OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': Poin
            'status/image': Image}
 
 LOG = 'log'
+NOTE_AFTER = 5.0  # s: whoever waits longer is told why
 
 COMMANDS = """\
 color_stereo replay {recording} --loop
@@ -128,7 +129,10 @@ class Demo:
         return messages, image_to_rgb(patterns[-1]), seconds
 
     def _wait(self, node, processes, name, condition, collector, patterns):
-        if spin_until(node, condition, self.wait, processes.check):
+        if spin_until(node, condition, min(NOTE_AFTER, self.wait), processes.check):
+            return
+        self._say(f'{name}: range_node is compiling its kernels, once per machine, up to a minute')
+        if spin_until(node, condition, self.wait - NOTE_AFTER, processes.check):
             return
         missing = [topic for topic, count in collector.received.items() if not count]
         missing += [] if patterns else ['pattern/image']
