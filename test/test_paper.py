@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's correspondence search: against its formulas, against truth, and its laws."""
 
+import math
 import os
 from pathlib import Path
 import subprocess
@@ -290,3 +291,9 @@ def test_kernels_give_the_same_without_the_compiler(tmp_path):
     np.testing.assert_array_equal(compiled['status'], interpreted['status'])
     np.testing.assert_allclose(compiled['depth'], interpreted['depth'], rtol=1e-5)
     np.testing.assert_allclose(compiled['confidence'], interpreted['confidence'], atol=1e-4)
+
+
+@pytest.mark.parametrize('deviation', [0.05, 0.3, 1.0, 2.5, 20.0])
+def test_confidence_without_a_rival_is_the_normal_probability(deviation):
+    expected = math.erf(math.sqrt(0.5) / deviation)
+    assert _kernels._within_one_pixel(np.float32(deviation)) == pytest.approx(expected, abs=6e-4)
