@@ -183,6 +183,20 @@ def test_an_impossible_pair_is_refused(index, value, message):
         StereoCalibration.from_camera_info(LEFT, camera_info(p=replaced(RIGHT.p, index, value)))
 
 
+@pytest.mark.parametrize('changes, message', [
+    (dict(binning_x=2), 'left binning_x = 2: a part of the image or a coarser one'),
+    (dict(roi=SimpleNamespace(x_offset=0, y_offset=16)), 'left roi.y_offset = 16')])
+def test_binned_and_cut_images_are_refused(changes, message):
+    with pytest.raises(CalibrationError, match=message):
+        StereoCalibration.from_camera_info(camera_info(**changes), RIGHT)
+
+
+def test_no_binning_may_be_written_as_zero_or_one():
+    for binning in (0, 1):
+        info = camera_info(binning_x=binning, binning_y=binning)
+        assert StereoCalibration.from_camera_info(info, RIGHT).left.width == 640
+
+
 def test_swapped_cameras_are_recognized():
     with pytest.raises(CalibrationError, match='swapped'):
         StereoCalibration.from_camera_info(RIGHT, LEFT)
@@ -220,6 +234,11 @@ def test_a_file_that_is_no_calibration_is_refused(tmp_path, content, message):
     with pytest.raises(CalibrationError, match=message) as error:
         StereoCalibration.from_yaml(path, path)
     assert str(path) in str(error.value)
+
+
+def test_something_else_than_a_path_is_refused():
+    with pytest.raises(CalibrationError, match='left calibration None cannot be read'):
+        StereoCalibration.from_yaml(None, None)
 
 
 def test_a_missing_file_is_refused(tmp_path):

@@ -117,6 +117,15 @@ def cropped(rows, columns):
     return lambda rgb: image_message(np.ascontiguousarray(rgb[:rows, :columns]))
 
 
+def relabeled(encoding, **changes):
+    """Return a function that makes an rgb8 image which says that it is something else."""
+    def make(rgb):
+        msg = image_message(rgb, **changes)
+        msg.encoding = encoding
+        return msg
+    return make
+
+
 IMAGE_FAULTS = {
     'mono8': (changed(encoding='mono8'), "encoding = 'mono8' has no color"),
     'mono16': (changed(encoding='mono16'), "encoding = 'mono16' has no color"),
@@ -127,7 +136,7 @@ IMAGE_FAULTS = {
     'no encoding': (changed(encoding=''), "encoding = '' is empty"),
     'gibberish encoding': (changed(encoding='\n%s{}'), 'is not supported'),
     'long encoding': (changed(encoding='x' * 10000), 'is not supported'),
-    'bgra8 on 3 bytes': (changed(encoding='bgra8'), f'step = {WIDTH * 3} bytes is too small'),
+    'bgra8 on 3 bytes': (relabeled('bgra8'), f'step = {WIDTH * 3} bytes is too small'),
     'step too small': (changed(step=WIDTH * 3 - 1), f'step = {WIDTH * 3 - 1} bytes is too small'),
     'step zero': (changed(step=0), 'step = 0 bytes is too small'),
     'step too large': (changed(step=WIDTH * 3 + 1), 'data is truncated'),
@@ -143,7 +152,7 @@ IMAGE_FAULTS = {
         rgb, data=array('B', rgb.tobytes()[:-1])), 'data is truncated: 9215 bytes'),
     'one byte too many': (lambda rgb: image_message(
         rgb, data=array('B', rgb.tobytes() + b'x')), 'data is too long: 9217 bytes'),
-    'bayer on 3 bytes': (changed(encoding='bayer_rggb8', step=WIDTH), 'data is too long'),
+    'bayer on 3 bytes': (relabeled('bayer_rggb8', step=WIDTH), 'data is too long'),
     'bayer of 2 rows': (lambda rgb: Image(
         height=2, width=2, encoding='bayer_rggb8', step=2, data=array('B', bytes(4))),
         '2 x 2 px is too small'),

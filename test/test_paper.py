@@ -230,6 +230,11 @@ def test_surrounding_median_is_unknown_where_nothing_is_known():
     assert np.isnan(surrounding_median(np.full((20, 20), np.nan, np.float32))).all()
 
 
+def test_the_search_never_leaves_the_image():
+    matcher = PaperMatcher(paper_settings(), parallel_rig().geometry, (-1e5, 1e5))
+    assert matcher._first == -64 and matcher._count == 129
+
+
 def test_more_smoothing_leaves_fewer_independent_pixels():
     rough = independent_pixels(paper_settings(color__smoothing=0.0))
     smooth = independent_pixels(paper_settings(color__smoothing=2.0))
