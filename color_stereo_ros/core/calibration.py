@@ -217,9 +217,7 @@ class StereoCalibration:
             If a value is impossible.
 
         """
-        return cls(*(CameraModel(name, info.width, info.height, info.distortion_model,
-                                 info.d, info.k, info.r, info.p)
-                     for name, info in (('left', left), ('right', right))))
+        return cls(_camera_from_info('left', left), _camera_from_info('right', right))
 
     @classmethod
     def from_arrays(cls, size, K_left, D_left, K_right, D_right, R, t, distortion_model=None):
@@ -369,11 +367,25 @@ def _rectifying_projections(left, right, rotation, translation):
     return (R_left, P_left), (R_right, P_right)
 
 
+def _camera_from_info(name, info):
+    """Return the CameraModel of one CameraInfo, which must describe the full image."""
+    region = getattr(info, 'roi', None)
+    for field, value in (('binning_x', getattr(info, 'binning_x', 0)),
+                         ('binning_y', getattr(info, 'binning_y', 0)),
+                         ('roi.x_offset', getattr(region, 'x_offset', 0)),
+                         ('roi.y_offset', getattr(region, 'y_offset', 0))):
+        if value > ('binning' in field):
+            raise CalibrationError(f'{name} {field} = {value}: a part of the image or a coarser '
+                                   'one is not supported, expected the image as calibrated')
+    return CameraModel(name, info.width, info.height, info.distortion_model,
+                       info.d, info.k, info.r, info.p)
+
+
 def _camera_from_yaml(name, path):
     """Return the CameraModel of one camera_info file."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, TypeError, UnicodeDecodeError) as error:
         raise CalibrationError(f'{name} calibration {path} cannot be read: {error}') from error
     except yaml.YAMLError as error:
         raise CalibrationError(f'{name} calibration {path} is no YAML: {error}') from error

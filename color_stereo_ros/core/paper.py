@@ -33,9 +33,9 @@ class PaperMatcher:
         """Allocate the buffers of the search."""
         self._settings = settings.matching
         self._correction = ColorCorrection(settings.color)
-        first, last = search_interval(limits)
-        self._first = first - 1  # one more at each end tells a minimum from a limit
-        self._count = last - first + 3
+        first, last = np.clip(search_interval(limits), 1 - geometry.width, geometry.width - 1)
+        self._first = int(first) - 1  # one more at each end tells a minimum from a limit
+        self._count = int(last - first) + 3
         self._independent = independent_pixels(settings)
         self._buffers = _Buffers(geometry, self._count, settings.matching)
 
