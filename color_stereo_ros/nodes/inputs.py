@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The input topics of range_node: what arrives, is refused, or is paired."""
 
-from rclpy.qos import QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
+import traceback
+
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo, Image
@@ -99,8 +101,10 @@ class StereoInputs:
     def __init__(self, node, parameters, on_pair, on_calibration):
         self._node = node
         self._on_pair = on_pair
-        self._complain = Complaints(node.get_logger().error)
-        self._warn = Complaints(node.get_logger().warning)
+        logger = node.get_logger()
+        # (rclpy knows a call by its line, and wants one severity for each)
+        self._complain = Complaints(lambda text: logger.error(text))
+        self._warn = Complaints(lambda text: logger.warning(text))
         sync = parameters.settings.sync
         self.synchronizer = Synchronizer(sync.tolerance, sync.queue_size)
         self.calibration = CalibrationWatch(on_calibration)
@@ -116,8 +120,14 @@ class StereoInputs:
     def _subscribe(self, parameters, side, kind):
         topic = f'{side}/{"image_raw" if kind is Image else "camera_info"}'
         take = self._take_image if kind is Image else self.calibration.add
-        return FollowingSubscription(self._node, kind, topic, lambda msg: take(side, msg),
-                                     parameters)
+
+        def guarded(msg):
+            try:
+                take(side, msg)
+            except Exception:  # whatever a message holds, the node lives on
+                self._complain(f'{topic}: {traceback.format_exc()}')
+
+        return FollowingSubscription(self._node, kind, topic, guarded, parameters)
 
     def _take_image(self, side, msg):
         try:

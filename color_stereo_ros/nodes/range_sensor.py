@@ -45,7 +45,8 @@ class RangeSensor:
         self.requests = []
         """Open requests of the services."""
         self.outputs = Outputs(node)
-        self.pattern = PatternWatch(self.settings.pattern, self._logger.warning)
+        self.pattern = PatternWatch(self.settings.pattern,
+                                    lambda text: self._logger.warning(text))
         self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger)
         self.inputs = StereoInputs(node, parameters, self._take_pair, self._recalibrate)
         self._create_entities()

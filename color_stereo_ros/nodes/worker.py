@@ -89,7 +89,7 @@ class Worker:
         self._publish = publish
         self._fail = fail
         self._logger = logger
-        self._complain = Complaints(logger.error)
+        self._complain = Complaints(lambda text: logger.error(text))
         self._built = None  # (key, ColorStereo)
         self._slot = LatestSlot()
         self._thread = threading.Thread(target=self._run, name='color_stereo', daemon=True)
