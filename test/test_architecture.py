@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parents[1] / 'color_stereo_ros'
 SOURCES = {path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding='utf-8'))
            for path in sorted(PACKAGE.rglob('*.py'))}
 MESSAGES = {'rclpy', 'sensor_msgs', 'stereo_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs',
-            'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces', 'rosbags', 'rosidl_runtime_py'}
+            'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces', 'rosbags'}
 # No test or user of the package may need them: they are not installable with pip everywhere.
 NEVER = {'message_filters', 'cv_bridge', 'image_geometry', 'sensor_msgs_py', 'tf2_ros',
          'ros2cli', 'rosbag2_py'}

@@ -7,8 +7,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core import ColorStereo, Status
-from color_stereo_ros.core import _kernels
+from color_stereo_ros.core import _kernels, ColorStereo, Status
 from color_stereo_ros.core.paper import independent_pixels, PaperMatcher, surrounding_median
 from color_stereo_ros.core.pattern import constant_sum_colors
 from color_stereo_ros.core.types import RectifiedGeometry

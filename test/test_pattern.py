@@ -125,8 +125,9 @@ def test_the_hue_field_is_aperiodic_in_both_directions():
 
 def test_a_larger_feature_size_makes_a_smoother_field():
     for kind in ('hue_field', 'wave_field'):
-        fine, coarse = (np.abs(np.diff(pattern(kind, feature_size=size).astype(int), axis=1)).mean()
-                        for size in (4.0, 12.0))
+        fine, coarse = (
+            np.abs(np.diff(pattern(kind, feature_size=size).astype(int), axis=1)).mean()
+            for size in (4.0, 12.0))
         assert coarse < 0.6 * fine
 
 

@@ -15,7 +15,8 @@ def result(depth, status, deviation=0.5):
     return RangeResult(
         disparity=10 / depth - 10, depth=depth, confidence=np.ones((2, 2), np.float32),
         status=np.array(status, np.uint8), disparity_std=np.full((2, 2), deviation, np.float32),
-        image_source=np.zeros((2, 2, 3), np.uint8), geometry=GEOMETRY, disparity_limits=(0.0, 10.0))
+        image_source=np.zeros((2, 2, 3), np.uint8), geometry=GEOMETRY,
+        disparity_limits=(0.0, 10.0))
 
 
 def test_status_codes_are_the_published_ones():

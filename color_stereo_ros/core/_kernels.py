@@ -13,8 +13,8 @@ window sum of the disparities added for that starts at PADDING_COST, so that non
 
 import math
 
-import numpy as np
 from numba import get_num_threads, njit, prange
+import numpy as np
 
 from .types import Status
 

@@ -5,7 +5,6 @@ import cv2
 import numpy as np
 
 from . import _kernels
-from .types import Status
 
 BRIGHTNESS = 255.0   # lambda of the paper: the sum of the components after scaling
 ESTIMATE = -1.0      # value of color.dark_level that asks for an estimate

@@ -9,7 +9,7 @@ import numpy as np
 from . import _kernels
 from .color import ColorCorrection
 from .triangulation import search_interval
-from .types import Match, Status
+from .types import Match
 
 SUBPIXEL_CODES = {'none': 0, 'parabola': 1, 'weighted': 2}
 TILE = 16            # px, side of the tiles whose median is the surroundings' disparity
@@ -79,8 +79,9 @@ class PaperMatcher:
         settings, buffers = self._settings, self._buffers
         _kernels.search(
             left, right, self._first, self._count, settings.window_width // 2,
-            settings.window_height // 2, low, high, buffers.ring, buffers.sums, buffers.total, buffers.ratios,
-            buffers.right_cost, buffers.right_index, buffers.winner, buffers.costs)
+            settings.window_height // 2, low, high, buffers.ring, buffers.sums, buffers.total,
+            buffers.ratios, buffers.right_cost, buffers.right_index, buffers.winner,
+            buffers.costs)
         match = Match(disparity=np.empty(reason.shape, np.float32),
                       disparity_std=np.empty(reason.shape, np.float32),
                       confidence=np.empty(reason.shape, np.float32),

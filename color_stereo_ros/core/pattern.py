@@ -68,7 +68,7 @@ def sweep_hue(settings):
 
 
 def sweep(settings):
-    """Return the constant-sum hue sweep (paper, fig. 2.2 right)."""
+    """Return a constant-sum turn through the hues (paper, fig. 2.2 right)."""
     return constant_sum_colors(sweep_hue(settings))
 
 
@@ -107,7 +107,7 @@ def parity(numbers):
 
 def lines(settings):
     """
-    Return high-contrast lines (paper, fig. 2.1 left).
+    Return columns of high contrast (paper, fig. 2.1 left).
 
     From line to line the hue jumps half around the circle and returns, so that every second line
     follows the constant-sum sweep.

@@ -121,7 +121,7 @@ class Match:
     disparity_std: np.ndarray
     """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
     confidence: np.ndarray
-    """float32 (H, W), 0..1: the probability that the disparity is right within 1 px; 0 = unknown."""
+    """float32 (H, W), 0..1: the probability of being right within 1 px; 0 = unknown."""
     status: np.ndarray
     """uint8 (H, W), a `Status` code; 0 exactly where the disparity is finite."""
 
@@ -143,7 +143,7 @@ class RangeResult:
     depth: np.ndarray
     """float32 (H, W), meters along Z of the rectified left camera, NaN = unknown."""
     confidence: np.ndarray
-    """float32 (H, W), 0..1: the probability that the disparity is right within 1 px; 0 = unknown."""
+    """float32 (H, W), 0..1: the probability of being right within 1 px; 0 = unknown."""
     status: np.ndarray
     """uint8 (H, W), a `Status` code; 0 exactly where depth is finite."""
     disparity_std: np.ndarray
