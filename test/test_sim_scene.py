@@ -55,6 +55,8 @@ BAD_SCENES = [
                                                           r'or 5 numbers for plumb_bob'),
     ({'objects': [], 'rig': small_rig({'fov': 40})}, r'rig.projector.fov is no known field'),
     ({'objects': [], 'rig': {**small_rig(), 'depth_limits': [0.5, 0.2]}}, r'the nearer limit first'),
+    ({'objects': [], 'rig': {**small_rig(), 'right': {'width': 100}}},
+     r'rig.right.width = 100, expected that of the left camera, 96'),
     ({'objects': [], 'rig': {'left': {}, 'right': {}}}, r'rig.left.width is missing'),
 ]
 
@@ -217,6 +219,16 @@ def test_without_mitsuba_the_extra_is_named():
     said = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True,
                           env={**os.environ, 'COLOR_STEREO_SIM_VARIANT': 'scalar_rgb'}).stdout
     assert 'extra [sim]' in said and 'Mitsuba' in said
+
+
+def test_a_useless_llvm_library_leads_to_the_scalar_variant(tmp_path):
+    (tmp_path / 'libLLVM.so').write_text('no library')
+    code = ('from color_stereo_ros.sim.variant import load_mitsuba\n'
+            'print(load_mitsuba().variant())\n')
+    said = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True,
+                          env={**os.environ, 'COLOR_STEREO_SIM_VARIANT': '',
+                               'DRJIT_LIBLLVM_PATH': str(tmp_path / 'libLLVM.so')}).stdout
+    assert said.split() == ['scalar_rgb']
 
 
 def test_importing_the_simulator_does_not_import_mitsuba():

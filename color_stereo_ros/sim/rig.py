@@ -8,6 +8,7 @@ import numpy as np
 
 from color_stereo_ros.core.calibration import DISTORTION_LENGTHS, StereoCalibration
 
+from .errors import SceneError
 from .geometry import Pose
 from .shapes import read_path, read_pose
 
@@ -130,6 +131,10 @@ def read_rig(node):
     cameras = node.get('cameras', {}).value
     left, right = (read_camera(name, _overlaid(node.get(name), cameras))
                    for name in ('left', 'right'))
+    for field in ('width', 'height', 'distortion_model'):
+        if getattr(left, field) != getattr(right, field):
+            raise SceneError(f'{node.path}.right.{field} = {getattr(right, field)!r}, expected '
+                             f'that of the left camera, {getattr(left, field)!r}')
     limits = node.get('depth_limits').vector(2, 0.001, 1000.0)
     if limits[0] >= limits[1]:
         node.get('depth_limits').fail('the nearer limit first')

@@ -58,10 +58,19 @@ def load_mitsuba():
             f'the simulated rig needs Mitsuba 3 ({error}): install the extra [sim], '
             "for example pip install 'color_stereo_ros[sim]'") from error
     variant = os.environ.get('COLOR_STEREO_SIM_VARIANT') or (
-        'llvm_ad_rgb' if llvm else 'scalar_rgb')
+        'llvm_ad_rgb' if llvm and _llvm_works(mitsuba) else 'scalar_rgb')
     mitsuba.set_variant(variant)
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     return mitsuba
+
+
+def _llvm_works(mitsuba):
+    """Compile something small: the library may be too old, too new, or built without a JIT."""
+    try:
+        mitsuba.set_variant('llvm_ad_rgb')
+        return float((mitsuba.Float([1.0, 2.0]) + 1)[1]) == 3.0
+    except Exception:  # Dr.Jit raises what it likes
+        return False
 
 
 def is_vectorized(mitsuba):
