@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..core import PatternSettings
+from ..core import ColorStereoError, PatternSettings
 from ..core.color import ColorCorrection
 from ..core.false_color import false_color
 from ..core.triangulation import disparity_from_depth
@@ -293,6 +293,9 @@ class Bench:
         """Add light of the surroundings until it is the given share of the left image's light."""
         rig = renderer.scene.rig
         ambient = [renderer.direct(camera).ambient for camera in (rig.left, rig.right)]
+        if not ambient[0].size:
+            raise ColorStereoError(f'scene {renderer.scene.name!r} has ambient = 0: ambient light '
+                                   'was not traced, expected ambient > 0')
         factor = share / (1 - share) * radiance[0].mean() / max(ambient[0].mean(), 1e-12)
         return tuple(light + factor * extra for light, extra in zip(radiance, ambient))
 
