@@ -41,7 +41,7 @@ def false_color(depth, near, far, *, scale_bar=True):
     """
     if not near < far:
         raise SettingsError(f'near = {near} m must be smaller than far = {far} m')
-    picture = _palette()[_color_index(depth, near, far)]
+    picture = _colored(_color_index(depth, near, far))
     if not scale_bar:
         return picture
     return np.concatenate((_scale_bar(depth.shape[0], float(near), float(far)), picture), axis=1)
@@ -56,7 +56,13 @@ def _color_index(depth, near, far):
     """Return uint8: 0 = unknown, 1 = near .. 255 = far."""
     scaled = (depth - np.float32(near)) * np.float32(254.0 / (far - near)) + np.float32(1.5)
     np.clip(scaled, 1.0, 255.0, out=scaled)
-    return np.nan_to_num(scaled, copy=False, nan=0.0).astype(np.uint8)
+    cv2.patchNaNs(scaled, 0.0)
+    return scaled.astype(np.uint8)
+
+
+def _colored(index):
+    """Return the colors of an index image, uint8 (H, W, 3)."""
+    return cv2.applyColorMap(index, _palette()[:, None])
 
 
 @lru_cache(maxsize=1)
@@ -79,7 +85,7 @@ def _scale_bar(height, near, far):
     text_width = max(cv2.getTextSize(text, _LABEL_FONT, _LABEL_SCALE, 1)[0][0] for text in texts)
     bar = np.zeros((height, _BAR_WIDTH + text_width + 10, 3), np.uint8)
     depth = np.linspace(far, near, height, dtype=np.float32)[:, None]
-    bar[:, :_BAR_WIDTH] = _palette()[_color_index(depth, near, far)]
+    bar[:, :_BAR_WIDTH] = _colored(_color_index(depth, near, far))
     for label, text in zip(labels, texts):
         row = round((height - 1) * (far - label) / (far - near))
         bar[row, :_BAR_WIDTH + 3] = 255

@@ -237,13 +237,19 @@ def cloud_message(result, header, *, compact=False, rotation=None, message=None)
     message.header = header
     message.is_bigendian = False
     message.point_step = POINT_STEP
-    points = _point_records(result, rotation)
-    if compact:
-        points = points[np.isfinite(result.depth)][None]
-    message.height, message.width = points.shape[:2]
-    message.row_step = POINT_STEP * message.width
     message.is_dense = compact
-    np.copyto(_view(message, points.shape, np.float32), points)
+    known = np.isfinite(result.depth) if compact else None
+    rows, columns = (1, np.count_nonzero(known)) if compact else result.depth.shape
+    message.height, message.width = rows, columns
+    message.row_step = POINT_STEP * columns
+    view = _view(message, (rows, columns, 4), np.float32)
+    if compact:
+        records = np.empty((*result.depth.shape, 4), np.float32)
+        _fill_points(records, result, rotation)
+        # complex128 has the 16 bytes of a point: they are picked as one
+        view.view(np.complex128)[0, :, 0] = records.view(np.complex128)[..., 0][known]
+    else:
+        _fill_points(view, result, rotation)
     return message
 
 
@@ -253,14 +259,14 @@ def _point_fields():
             for index, name in enumerate(('x', 'y', 'z', 'rgb'))]
 
 
-def _point_records(result, rotation):
-    """Return float32 (H, W, 4): x, y, z and the bits of the color."""
+def _fill_points(records, result, rotation):
+    """Write x, y, z and the bits of the color into float32 (H, W, 4)."""
     xyz = result.points()
     if rotation is not None:
-        xyz = xyz @ rotation.T.astype(np.float32)
+        xyz = cv2.transform(xyz, rotation.astype(np.float32))
     color = cv2.cvtColor(result.image, cv2.COLOR_RGB2BGRA).view(np.uint32)
     color &= np.uint32(0x00FFFFFF)
-    return np.concatenate((xyz, color.view(np.float32)), axis=2)
+    cv2.mixChannels([xyz, color.view(np.float32)], [records], [0, 0, 1, 1, 2, 2, 3, 3])
 
 
 def disparity_message(result, header, message=None):
