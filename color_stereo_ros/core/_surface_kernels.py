@@ -31,9 +31,15 @@ TILE_ROWS = 8
 TILE_COLUMNS = 32
 RADIUS = 4  # of the least-squares window, nodes
 SPAN = 2 * RADIUS + 1
+NOISE_WEIGHT = F4(0.7)  # of a node that shows nothing but noise of unit misfit
 JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
 FLAT = F4(1.0)  # a chromaticity variance that carries no information
 NAN = F4(np.nan)
+CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
+BENT = F4(0.8)        # standard deviation per distance of the neighbors, fitted likewise
+ISLAND = F4(-50)    # log-odds of a node in too small a segment
+UNKNOWN = F4(-100)  # log-odds of a node without disparity
+PITCH_DARK = F4(1)  # DN of summed channels: darker nodes get no range from their neighbors
 CEILING = F4(30)  # of a misfit that counts as evidence
 VALID = np.uint8(Status.VALID)
 OUTSIDE_IMAGE = np.uint8(Status.OUTSIDE_IMAGE)
@@ -526,6 +532,7 @@ def smooth_sums(weight, moment, y, left, columns_, sums):
         sums[0, x], sums[1, x], sums[2, x] = s0, s1, s2
         sums[3, x], sums[4, x], sums[5, x] = s3, s4, s5
         sums[6, x], sums[7, x], sums[8, x] = t0, t1, t2
+        sums[9, x] = F4(SPAN * SPAN)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -534,8 +541,8 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, row, sums):
     Window sums of one tile row over the nodes that lie on the surface of the center.
 
     A node counts where its own disparity is within `gate` of the plane of the center. sums is
-    (9, TILE_COLUMNS): the moments 1, x, y, xx, xy, yy of weight and 1, x, y of moment; row is
-    float32 (6, TILE_COLUMNS).
+    (10, TILE_COLUMNS): the moments 1, x, y, xx, xy, yy of weight and 1, x, y of moment, and the
+    number of nodes; row is float32 (7, TILE_COLUMNS).
 
     """
     sums[:] = F4(0)
@@ -543,6 +550,7 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, row, sums):
     ac = a[y, left:left + TILE_COLUMNS]
     bc = b[y, left:left + TILE_COLUMNS]
     base, s0, s1, s2, t0, t1 = row[0], row[1], row[2], row[3], row[4], row[5]
+    count = row[6]
     for j in range(-RADIUS, RADIUS + 1):
         row_y = F4(j)
         row[:] = F4(0)
@@ -562,6 +570,7 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, row, sums):
                 s2[x] += w * (step * step)
                 t0[x] += z
                 t1[x] += z * step
+                count[x] += F4(1) if near else F4(0)
         for x in range(TILE_COLUMNS):
             sums[0, x] += s0[x]
             sums[1, x] += s1[x]
@@ -572,6 +581,7 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, row, sums):
             sums[6, x] += t0[x]
             sums[7, x] += t1[x]
             sums[8, x] += t0[x] * row_y
+            sums[9, x] += count[x]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -580,7 +590,8 @@ def solve_row(sums, d, a, b, ridge, steepest, reference, new_d, new_a, new_b, va
     Solve the 3 x 3 normal equations of one tile row for the planes (d, a, b).
 
     The slopes are held by a ridge of `ridge` times the zeroth moment towards their last value.
-    variance is that of d at the center for noise of unit misfit; inf without information.
+    variance is that of d at the center for noise of unit misfit; inf without information. Noise
+    has gradients, too: what they add to the weights, NOISE_WEIGHT a node, is no information.
 
     """
     for x in range(TILE_COLUMNS):
@@ -606,7 +617,29 @@ def solve_row(sums, d, a, b, ridge, steepest, reference, new_d, new_a, new_b, va
         new_d[x] = reference + solved if known else d[x]
         new_a[x] = slope_x if known else a[x]
         new_b[x] = slope_y if known else b[x]
-        variance[x] = inverse + spread if known else F4(np.inf)
+        signal = sums[0, x] - NOISE_WEIGHT * sums[9, x]
+        known = known & (signal > F4(0.02) * s0)
+        variance[x] = (inverse + spread) * (s0 / signal) if known else F4(np.inf)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def any_above(values, bound):
+    """Return whether any entry is larger than a bound; NaN is not."""
+    for y in range(values.shape[0]):
+        for x in range(values.shape[1]):
+            if values[y, x] > bound:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def copy_tile(d, a, b, top, left, new_d, new_a, new_b):
+    """Copy the planes of one tile."""
+    for y in range(top, top + TILE_ROWS):
+        for x in range(left, left + TILE_COLUMNS):
+            new_d[y, x] = d[y, x]
+            new_a[y, x] = a[y, x]
+            new_b[y, x] = b[y, x]
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
@@ -615,12 +648,18 @@ def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, ridge, steepest, re
     """Least-squares planes of all nodes of some tiles; smooth (bool) says which need no gate."""
     for k in prange(BANDS):
         first, last = band(k, BANDS, tiles.shape[0])
-        sums = np.empty((9, TILE_COLUMNS), F4)
-        row = np.empty((6, TILE_COLUMNS), F4)
+        sums = np.empty((10, TILE_COLUMNS), F4)
+        row = np.empty((7, TILE_COLUMNS), F4)
         columns_ = np.empty((5, TILE_COLUMNS + 2 * RADIUS), F4)
         for tile in range(first, last):
             top, left = tiles[tile, 0], tiles[tile, 1]
             right = left + TILE_COLUMNS
+            informed = any_above(weight[top - RADIUS:top + TILE_ROWS + RADIUS,
+                                        left - RADIUS:right + RADIUS], F4(0))
+            if not informed:
+                copy_tile(d, a, b, top, left, new_d, new_a, new_b)
+                variance[top:top + TILE_ROWS, left:right] = F4(np.inf)
+                continue
             for y in range(top, top + TILE_ROWS):
                 if smooth[tile]:
                     smooth_sums(weight, moment, y, left, columns_, sums)
@@ -632,34 +671,46 @@ def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, ridge, steepest, re
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def find_smooth_tiles(d, a, b, misfit, tiles, step, worst, smooth):
+def find_smooth_tiles(d, a, b, misfit, color_variance_, tiles, halo, step, worst, smooth):
     """
     Mark the tiles in and around which one surface fits everywhere.
 
     No unknown node, no step larger than `step` px between a node and the plane of its left and
-    upper neighbors (halo of RADIUS), and a mean misfit below `worst`.
+    upper neighbors (`halo` nodes around the tile included), and a mean misfit below `worst`.
+    Nodes whose color says nothing do not count.
 
     """
+    rows, columns = TILE_ROWS + 2 * halo, TILE_COLUMNS + 2 * halo
     for k in prange(BANDS):
         first, last = band(k, BANDS, tiles.shape[0])
         for tile in range(first, last):
-            top, left = tiles[tile, 0] - RADIUS, tiles[tile, 1] - RADIUS
+            top, left = tiles[tile, 0] - halo, tiles[tile, 1] - halo
             broken = 0
+            count = 0
             total = F4(0)
-            for y in range(top, top + TILE_ROWS + 2 * RADIUS):
-                above = d[y - 1, left:left + TILE_COLUMNS + 2 * RADIUS]
-                slope = b[y - 1, left:left + TILE_COLUMNS + 2 * RADIUS]
-                before = d[y, left - 1:left - 1 + TILE_COLUMNS + 2 * RADIUS]
-                lean = a[y, left - 1:left - 1 + TILE_COLUMNS + 2 * RADIUS]
-                here = d[y, left:left + TILE_COLUMNS + 2 * RADIUS]
-                chi = misfit[y, left:left + TILE_COLUMNS + 2 * RADIUS]
-                for x in range(TILE_COLUMNS + 2 * RADIUS):
-                    fits = ((abs(here[x] - above[x] - slope[x]) < step)
-                            & (abs(here[x] - before[x] - lean[x]) < step))
-                    broken += 0 if fits else 1
-                    total += chi[x] if chi[x] < F4(20) else F4(20)  # NaN counts as 20
-            mean = total / F4((TILE_ROWS + 2 * RADIUS) * (TILE_COLUMNS + 2 * RADIUS))
-            smooth[tile] = (broken == 0) & (mean < worst)
+            for y in range(top, top + rows):
+                above = d[y - 1, left:left + columns]
+                slope = b[y - 1, left:left + columns]
+                quiet_above = color_variance_[y - 1, left:left + columns]
+                before = d[y, left - 1:left - 1 + columns]
+                lean = a[y, left - 1:left - 1 + columns]
+                quiet_before = color_variance_[y, left - 1:left - 1 + columns]
+                here = d[y, left:left + columns]
+                quiet = color_variance_[y, left:left + columns]
+                chi = misfit[y, left:left + columns]
+                for x in range(columns):
+                    fits_above = ((abs(here[x] - above[x] - slope[x]) < step)
+                                  | (quiet_above[x] >= FLAT))
+                    fits_before = ((abs(here[x] - before[x] - lean[x]) < step)
+                                   | (quiet_before[x] >= FLAT))
+                    counts = quiet[x] < FLAT
+                    broken += 1 if counts & (not (fits_above & fits_before)) else 0
+                    count += 1 if counts else 0
+                    value = chi[x] if chi[x] < CEILING else CEILING  # NaN counts as that
+                    total += value if counts else F4(0)
+                if broken > 0:
+                    break
+            smooth[tile] = (broken == 0) & (total <= worst * F4(count))
 
 
 HALO = 2  # of a cost patch: 3 x 3 mean, then the best of 3 x 3 shifted windows
@@ -745,7 +796,8 @@ def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, sca
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
 
     A node takes the plane that fits best (see `best_shifted_mean`); its own one is favored by
-    `inertia`. Reads d, a, b, writes new_* and cost in the tiles only.
+    `inertia`. Reads d, a, b, writes new_* and cost in the tiles only. Tiles without any known
+    plane in reach are left as they are.
 
     """
     for k in prange(BANDS):
@@ -756,6 +808,12 @@ def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, sca
         best = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
         for tile in range(first, last):
             top, left = tiles[tile, 0], tiles[tile, 1]
+            reach = step + HALO
+            if not any_above(d[top - reach:top + TILE_ROWS + reach,
+                               left - reach:left + TILE_COLUMNS + reach], F4(-np.inf)):
+                new_d[top:top + TILE_ROWS, left:left + TILE_COLUMNS] = NAN
+                cost[top:top + TILE_ROWS, left:left + TILE_COLUMNS] = cap
+                continue
             for candidate in range(5):
                 step_y = step * ((candidate == 2) - (candidate == 1))
                 step_x = step * ((candidate == 4) - (candidate == 3))
@@ -793,14 +851,15 @@ def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, n
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def judge(d, a, b, cost, misfit, variance, rows, columns, model, evidence, trust):
+def judge(d, a, b, cost, misfit, variance, color_variance_, rows, columns, model, evidence, trust):
     """
     Log-odds that a node is right within 1 px, from how well its plane fits.
 
-    evidence, float32 (rows, columns, 4): roots of the cost of the best shifted window and of
-    the mean misfit of the 3 x 3 nodes, logarithms of the standard deviation (px) and of the
-    distance of the four neighbors from the plane (px). trust = model[0] + model[1:5] . evidence,
-    framed; -100 where d is unknown.
+    evidence, float32 (rows, columns, 5): square roots of the cost of the best shifted window,
+    of the mean misfit of the 3 x 3 nodes, of the standard deviation (px), of the mean distance
+    of the four neighbors from the plane (px) and of the variance of the color; roots, since
+    logarithms are not vectorized. trust = model[0] + model[1:] . evidence, framed; UNKNOWN where
+    d is unknown.
 
     """
     ninth, quarter = F4(1.0 / 9.0), F4(0.25)
@@ -822,14 +881,17 @@ def judge(d, a, b, cost, misfit, variance, rows, columns, model, evidence, trust
                          + apartness(d[y - 1, x] - here + lean_y))
                 e0 = math.sqrt(min(cost[y, x], CEILING))
                 e1 = math.sqrt(total * ninth)
-                e2 = F4(0.5) * math.log(min(max(variance[y, x], F4(2.5e-5)), F4(4)))
-                e3 = math.log(F4(0.02) + quarter * apart)
+                e2 = math.sqrt(math.sqrt(min(variance[y, x], F4(1))))
+                e3 = math.sqrt(quarter * apart)
                 evidence[row, x - PAD, 0] = e0
                 evidence[row, x - PAD, 1] = e1
                 evidence[row, x - PAD, 2] = e2
                 evidence[row, x - PAD, 3] = e3
-                odds = model[0] + model[1] * e0 + model[2] * e1 + model[3] * e2 + model[4] * e3
-                trust[y, x] = odds if here == here else F4(-100)
+                e4 = math.sqrt(min(color_variance_[y, x], FLAT))
+                evidence[row, x - PAD, 4] = e4
+                odds = (model[0] + model[1] * e0 + model[2] * e1 + model[3] * e2 + model[4] * e3
+                        + model[5] * e4)
+                trust[y, x] = odds if here == here else UNKNOWN
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -837,6 +899,48 @@ def apartness(difference):
     """Return the magnitude of a difference, at most 2 px; NaN counts as that."""
     size = abs(difference)
     return size if size < F4(2) else F4(2)
+
+
+@njit(cache=True, nogil=True)
+def root_of(parent, node):
+    """Return the representative of a node's segment, and shorten the path to it."""
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def remove_islands(d, a, b, trust, rows, columns, step, least_size, parent, size):
+    """
+    Distrust small segments: set trust to ISLAND where fewer than least_size nodes hang together.
+
+    Two neighbors hang together if both have positive trust and one lies within `step` px of the
+    plane of the other. parent and size are int32 scratch (rows * columns).
+
+    """
+    for y in range(rows):
+        for x in range(columns):
+            node = y * columns + x
+            parent[node] = node
+            size[node] = 0
+            v, u = y + PAD, x + PAD
+            if trust[v, u] > 0:
+                if x > 0 and trust[v, u - 1] > 0 and (
+                        abs(d[v, u] - d[v, u - 1] - a[v, u - 1]) < step
+                        or abs(d[v, u] - d[v, u - 1] - a[v, u]) < step):
+                    parent[node] = root_of(parent, node - 1)
+                if y > 0 and trust[v - 1, u] > 0 and (
+                        abs(d[v, u] - d[v - 1, u] - b[v - 1, u]) < step
+                        or abs(d[v, u] - d[v - 1, u] - b[v, u]) < step):
+                    parent[root_of(parent, node)] = root_of(parent, node - columns)
+    for node in range(rows * columns):
+        size[root_of(parent, node)] += 1
+    for y in range(rows):
+        for x in range(columns):
+            if (trust[y + PAD, x + PAD] > 0
+                    and size[root_of(parent, y * columns + x)] < least_size):
+                trust[y + PAD, x + PAD] = ISLAND
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
@@ -856,7 +960,7 @@ def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
             y = row + PAD
             owner[:] = -1
             for x in range(PAD, PAD + columns):
-                if trust[y, x] > F4(-50):
+                if trust[y, x] > ISLAND:
                     center = F4(2 * (x - PAD)) - d[y, x]
                     reach = min(max(F4(0.5), F4(1) - F4(0.5) * a[y, x]), F4(4))
                     start = max(int(math.ceil(center - reach)), 0)
@@ -866,7 +970,7 @@ def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
                             owner[at] = x
             for x in range(PAD, PAD + columns):
                 hidden[y, x] = False
-                if trust[y, x] > F4(-50):
+                if trust[y, x] > ISLAND:
                     at = int(math.floor(F4(2 * (x - PAD)) - d[y, x] + F4(0.5)))
                     if 0 <= at < width and owner[at] >= 0:
                         rival = owner[at]
@@ -875,14 +979,15 @@ def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def settle(d, variance, cost, trust, hidden, peak, s, rows, columns, limits, saturation, dark,
-           hidden_odds, least_odds, vague, factor, std, confidence, status):
+def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits, saturation,
+           dark, hidden_odds, least_odds, vague, std, confidence, status):
     """
     Turn evidence into confidence, standard deviation and a reason where there is no range.
 
     limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes; below
     least_odds a node has no range. vague (px): the standard deviation from which on the reason
-    is an ambiguous color. factor: of the standard deviation, for correlated noise. status takes the codes of types.Status.
+    is an ambiguous color. The standard deviation grows with the distance of the neighbors from
+    the plane: there a plane is not what the surface is. status takes the codes of types.Status.
 
     """
     for k in prange(BANDS):
@@ -890,7 +995,9 @@ def settle(d, variance, cost, trust, hidden, peak, s, rows, columns, limits, sat
         for y in range(first + PAD, last + PAD):
             for x in range(PAD, PAD + columns):
                 odds = trust[y, x] + (hidden_odds if hidden[y, x] else F4(0))
-                spread = factor * math.sqrt(variance[y, x])
+                apart = evidence[y - PAD, x - PAD, 3]
+                apart = BENT * apart * apart
+                spread = math.sqrt(CORRELATED * variance[y, x] + apart * apart)
                 confidence[y, x] = F4(1) / (F4(1) + math.exp(-odds))
                 std[y, x] = spread
                 unsure = odds < least_odds
@@ -899,7 +1006,8 @@ def settle(d, variance, cost, trust, hidden, peak, s, rows, columns, limits, sat
                     code = OUTSIDE_IMAGE
                 elif unsure and peak[y, x] >= saturation:
                     code = SATURATED
-                elif s[y, x] < dark and peak[y, x] < saturation:
+                elif (s[y, x] < (dark if unsure else PITCH_DARK)
+                      and peak[y, x] < saturation):
                     code = DARK
                 elif math.isnan(here):
                     code = NO_MATCH

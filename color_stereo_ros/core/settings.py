@@ -127,7 +127,7 @@ class MatchingSettings(Group):
         'surface', 'surface: coarse to fine with slanted surfaces (default); paper: the '
         'exhaustive search of the paper, sec. 2.2', choices=('surface', 'paper'))
     min_confidence: float = setting(
-        0.5, 'surface method: least probability of being right within 1 px; a larger value gives '
+        0.6, 'surface method: least probability of being right within 1 px; a larger value gives '
         'fewer and better ranges', minimum=0.0, maximum=1.0)
     smoothness: float = setting(
         1.0, 'surface method: how much the coarse search dislikes steps of the disparity; '
@@ -143,6 +143,9 @@ class MatchingSettings(Group):
         True, 'surface method: measure the color difference of the cameras from each pair')
     occlusion_test: bool = setting(
         True, 'surface method: distrust places of the right image that two surfaces claim')
+    min_segment: int = setting(
+        120, 'surface method: smallest area of connected ranges; smaller islands are dropped',
+        unit='px', minimum=0, maximum=1000000)
     window_width: int = setting(
         9, 'paper method: columns of the window, 2N+1', unit='px', minimum=1, maximum=63)
     window_height: int = setting(

@@ -31,7 +31,7 @@ QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
 ROBUST = F4(9.0)    # misfit at which a node counts half
 RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
 STEEPEST = F4(6.0)  # px per node
-GATES = 3.0, 1.5, 1.5    # px from the plane of the center, per round: coarse seeds are rough
+GATES = 3.0, 1.5, 0.75   # px from the plane of the center, per round: coarse seeds are rough
 STEPS = (4, 2, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(30.0)    # misfit beyond which a node says no more than that it does not fit
 INERTIA = F4(0.5)   # by how much another plane must fit better
@@ -39,12 +39,10 @@ CONTINUOUS = F4(1.0)     # px between neighbors on one surface
 SMOOTH_MISFIT = F4(5.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
 VAGUE = F4(0.25)    # px: standard deviation that an ambiguous color explains
-# Log-odds of being right within 1 px: constant; roots of window cost and mean misfit; logarithms
-# of standard deviation and distance of the neighbors; hidden. Fitted on simulated scenes, see
-# docs/surface_method.md.
-MODEL = np.array([-4.2, -0.8, -0.3, -3.0, -0.3], F4)
+# Log-odds of being right within 1 px: constant, then the weights of the evidence that
+# `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
+MODEL = np.array([7.26, -1.13, -0.18, -2.85, -4.52, 0.64], F4)
 HIDDEN_ODDS = F4(-2.0)
-STD_FACTOR = F4(1.0)
 
 
 class SurfaceMethod:
@@ -82,10 +80,11 @@ class SurfaceMethod:
         self.weight, self.moment, self.variance, self.cost = np.zeros((4, *shape), F4)
         self.trust, self.std, self.confidence = np.zeros((3, *shape), F4)
         self.misfit = np.full(shape, np.nan, F4)
-        self.evidence = np.empty((*self.nodes, 4), F4)
+        self.evidence = np.empty((*self.nodes, len(MODEL) - 1), F4)
         self.hidden = np.zeros(shape, bool)
         self.owners = np.empty((kernels.BANDS, width), np.int32)
         self.status = np.zeros(shape, np.uint8)
+        self.segments = np.empty((2, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
 
     def measure(self, left, right, clock):
@@ -118,12 +117,13 @@ class SurfaceMethod:
             if turn > 0 and matching.propagation:
                 tiles = self.propagate(STEPS[min(turn, len(STEPS)) - 1])
                 clock.lap(f'propagate {turn}')
+            self.linearize(tiles if turn > 1 else self.tiles)
             self.fit_planes(tiles if turn > 1 else self.tiles, GATES[min(turn, len(GATES) - 1)])
             clock.lap(f'fit {turn + 1}')
+            self.linearize(self.tiles if turn < 2 else tiles)
             if turn == 0:
-                self.linearize(self.tiles)
                 self.adapt()
-                clock.lap('adapt')
+            clock.lap(f'compare {turn + 1}')
         self.judge()
         clock.lap('judge')
         return self.expand(clock)
@@ -142,29 +142,31 @@ class SurfaceMethod:
                           self.weight, self.moment, self.misfit)
 
     def fit_planes(self, tiles, gate):
-        """Fit planes to the nodes of some tiles by least squares."""
-        self.linearize(tiles)
-        smooth = self.smooth(tiles)
-        for plane, spare in zip(self.planes, self.spare):
-            np.copyto(spare, plane)
+        """Fit planes to the linearized nodes of some tiles, gate (px) from the centers' planes."""
+        smooth = self.smooth(tiles, kernels.RADIUS, F4(0.67 * gate))
+        if len(tiles) < len(self.tiles):
+            self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
         kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(gate), ridge,
                            STEEPEST, self.reference, *self.spare, self.variance)
         self.planes, self.spare = self.spare, self.planes
 
-    def smooth(self, tiles):
-        """Return which tiles one surface fills, bool (N,)."""
+    def smooth(self, tiles, halo, step=CONTINUOUS):
+        """Return which tiles, with so many nodes around, one surface fills, bool (N,)."""
         smooth = np.empty(len(tiles), bool)
-        kernels.find_smooth_tiles(*self.planes, self.misfit, tiles, CONTINUOUS, SMOOTH_MISFIT,
-                                  smooth)
+        kernels.find_smooth_tiles(*self.planes, self.misfit, self.left.variance, tiles, halo,
+                                  step, SMOOTH_MISFIT, smooth)
         return smooth
+
+    def copy_planes(self):
+        """Make the spare planes equal before a part of them is written."""
+        for plane, spare in zip(self.planes, self.spare):
+            np.copyto(spare, plane)
 
     def propagate(self, steps):
         """Let nodes of rough tiles try the planes of their neighbors; return these tiles."""
-        self.linearize(self.tiles)
-        tiles = self.tiles[~self.smooth(self.tiles)]
-        for plane, spare in zip(self.planes, self.spare):
-            np.copyto(spare, plane)
+        tiles = self.tiles[~self.smooth(self.tiles, kernels.HALO)]
+        self.copy_planes()
         left, right = self.left, self.right
         for step in steps:
             kernels.propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
@@ -205,16 +207,20 @@ class SurfaceMethod:
 
     def judge(self):
         """Find out how far each node can be trusted, and why some cannot."""
-        kernels.judge(*self.planes, self.cost, self.misfit, self.variance, *self.nodes, MODEL,
-                      self.evidence, self.trust)
+        kernels.judge(*self.planes, self.cost, self.misfit, self.variance, self.left.variance,
+                      *self.nodes, MODEL, self.evidence, self.trust)
+        least_nodes = self.settings.matching.min_segment // 4
+        if least_nodes > 1:
+            kernels.remove_islands(*self.planes, self.trust, *self.nodes, CONTINUOUS, least_nodes,
+                                   *self.segments)
         if self.settings.matching.occlusion_test:
             kernels.find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
                                 SEPARATE, self.hidden, self.owners)
         color, least = self.settings.color, self.settings.matching.min_confidence
-        kernels.settle(self.planes[0], self.variance, self.cost, self.trust, self.hidden,
+        kernels.settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust, self.hidden,
                        self.left.peak, self.left.s, *self.nodes,
                        self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
-                       F4(color.min_signal), HIDDEN_ODDS, log_odds(least), VAGUE, STD_FACTOR,
+                       F4(color.min_signal), HIDDEN_ODDS, log_odds(least), VAGUE,
                        self.std, self.confidence, self.status)
 
     def expand(self, clock):
@@ -315,7 +321,7 @@ def photometry(image, color):
     The gains make the channels equally bright on average; the pattern holds all hues alike.
 
     """
-    sample = image[4::8, 4::8].reshape(-1, 3)
+    sample = image[8::16, 8::16].reshape(-1, 3)
     if color.dark_level < 0 and sample.size:
         dark = np.minimum(np.percentile(sample, 0.5, axis=0), DARKEST).astype(F4)
     else:
