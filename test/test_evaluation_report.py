@@ -12,6 +12,7 @@ from scenes import SCENES
 
 from color_stereo_ros.core import PatternSettings
 from color_stereo_ros.evaluation import datasets, experiments
+from color_stereo_ros.evaluation.numbers import write_json
 from color_stereo_ros.tools import evaluate
 
 pytest.importorskip('matplotlib')
@@ -102,7 +103,7 @@ def test_the_page_shows_the_papers_figures_beside_ours(run, tmp_path):
 
 def test_the_numbers_are_kept_as_json(run, tmp_path):
     _, records = run
-    report.write_json(tmp_path / 'figures.json', records, {'seed': 1})
+    write_json(tmp_path / 'figures.json', records, {'seed': 1})
     kept = json.loads((tmp_path / 'figures.json').read_text())
     assert kept['facts'] == {'seed': 1}
     assert len(kept['records']) == len(records)

@@ -2,8 +2,6 @@
 """The report: one self-contained HTML page for people, and the numbers as JSON."""
 
 from html import escape
-import json
-import os
 import platform
 
 import cv2
@@ -12,6 +10,7 @@ import numpy as np
 from .. import __version__
 from . import plots
 from .experiments import ERROR_COLORS, SWEEP_SCENE, SWEEPS, TABLE_31, TABLE_32
+from .numbers import figure_of, write_whole
 from .opencv_matchers import METHODS as OPENCV
 from .plots import label_of
 
@@ -80,15 +79,6 @@ COLUMNS = (
     ('ms', 'milliseconds', '{:.1f}'))
 
 
-def figure_of(figures, key):
-    """Return the number at a dotted key of a record's figures, None where there is none."""
-    if key == 'mean_mm':
-        return None if figures['mean_m'] is None else 1e3 * figures['mean_m']
-    for part in key.split('.'):
-        figures = None if figures is None else figures.get(part)
-    return figures
-
-
 def average(records, key):
     """Return the mean of a figure over records, None where no record has it."""
     values = [figure_of(r['figures'], key) for r in records]
@@ -116,18 +106,6 @@ def write_report(path, laboratory, records, facts):
                 page.paper_object(), page.complex_scenes(), page.trust(), page.sweeps(),
                 page.colophon(facts)]
     write_whole(path, HTML.format(css=CSS, body='\n'.join(filter(None, sections))))
-
-
-def write_json(path, records, facts):
-    """Write all records and facts as one JSON file; what cannot be had is null."""
-    write_whole(path, json.dumps({'facts': facts, 'records': records}, indent=1, default=float))
-
-
-def write_whole(path, text):
-    """Write a text file as a whole or not at all."""
-    temporary = path.with_name(path.name + '.part')
-    temporary.write_text(text, encoding='utf-8')
-    os.replace(temporary, path)
 
 
 HTML = '''<!DOCTYPE html>

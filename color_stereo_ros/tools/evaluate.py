@@ -7,6 +7,7 @@ from pathlib import Path
 import time
 
 from ..core import SettingsError
+from ..evaluation.numbers import figure_of, write_json
 
 SUMMARY = 'measure methods against the truth: the paper\'s experiments, or folders with truth'
 
@@ -85,7 +86,6 @@ def run_folders(args, methods):
             print(table_row(method, [cell(figures, key, form) for _, key, form in COLUMNS]),
                   flush=True)
     if args.json:
-        from ..evaluation.report import write_json
         write_json(args.json, records, facts_of(args))
 
 
@@ -105,7 +105,7 @@ def run_experiments(args, methods):
 
     from ..evaluation.experiments import Laboratory, Plan, QUICK, run_tasks
     from ..evaluation.renders import Renders
-    from ..evaluation.report import write_json, write_report
+    from ..evaluation.report import write_report
     start = time.monotonic()
     plan = QUICK if args.quick else Plan()
     args.output.mkdir(parents=True, exist_ok=True)
@@ -126,7 +126,6 @@ def run_ablation(args, method):
     from ..evaluation.ablation import ablation, scenes_for
     from ..evaluation.experiments import Plan, QUICK
     from ..evaluation.renders import Renders
-    from ..evaluation.report import write_json
     if args.folders:
         scenes = list(loaded(args))
     else:
@@ -165,9 +164,8 @@ def parsed_settings(assignments):
 
 def cell(figures, key, form):
     """Return the figure at a dotted key as text, '-' where there is none."""
-    for part in key.split('.'):
-        figures = None if figures is None else figures.get(part)
-    return '-' if figures is None else form.format(figures)
+    figure = figure_of(figures, key)
+    return '-' if figure is None else form.format(figure)
 
 
 def table_row(title, cells):

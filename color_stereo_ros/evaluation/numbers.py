@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures as files, and by their names."""
+
+import json
+import os
+
+
+def figure_of(figures, key):
+    """
+    Return the number at a dotted key of a record's figures.
+
+    Parameters
+    ----------
+    figures : dict
+        Of `methods.evaluate`.
+    key : str
+        For example `planes.rms_px`; `mean_mm` is the mean error in mm.
+
+    Returns
+    -------
+    figure : float or None
+        None where there is none.
+
+    """
+    if key == 'mean_mm':
+        return None if figures['mean_m'] is None else 1e3 * figures['mean_m']
+    for part in key.split('.'):
+        figures = None if figures is None else figures.get(part)
+    return figures
+
+
+def write_json(path, records, facts):
+    """Write all records and facts as one JSON file; what cannot be had is null."""
+    write_whole(path, json.dumps({'facts': facts, 'records': records}, indent=1, default=float))
+
+
+def write_whole(path, text):
+    """Write a text file as a whole or not at all."""
+    temporary = path.with_name(path.name + '.part')
+    temporary.write_text(text, encoding='utf-8')
+    os.replace(temporary, path)
