@@ -28,11 +28,10 @@ evaluate:  ## the paper's experiments on the simulated rig, as a report in evalu
 	@.ci/setup ros,tools,sim
 	@$(COLOR_STEREO) evaluate --output evaluation_output
 
-floor:  ## run the tests of the core on the oldest versions that are supported
-	@python=$$(.ci/python 3.12) && \
-	  { [ -x .venv-floor/bin/python ] || "$$python" -m venv .venv-floor; } && \
-	  .venv-floor/bin/python -m pip install -q -r test/floor-requirements.txt && \
-	  .venv-floor/bin/python -m pytest -p no:cacheprovider
+floor:  ## run all tests on the oldest versions that are supported, Ubuntu 24.04's
+	@VENV=.venv-floor PYTHONS=3.12 PIP_CONSTRAINT=test/floor-requirements.txt \
+	  .ci/setup ros,tools,sim,test
+	@.venv-floor/bin/python -m pytest -p no:cacheprovider
 
 tables:  ## make the tables in README and docs anew from the code
 	@.ci/setup ros,tools

@@ -31,7 +31,6 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         shared('config'),
         shared('launch'),
-        shared('rviz'),
     ],
     python_requires='>=3.11',
     install_requires=['numpy>=1.26', 'numba>=0.58', 'opencv-python-headless>=4.6', 'PyYAML>=6.0'],
