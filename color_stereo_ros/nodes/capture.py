@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 import threading
 import time
+import traceback
 
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from std_srvs.srv import Trigger
@@ -83,11 +84,12 @@ class CaptureServices:
         self._thread.start()
 
     def _spin(self):
-        try:
-            while not self._stopped.is_set():
+        while self._node.context.ok() and not self._stopped.is_set():
+            try:
                 self._executor.spin_once(timeout_sec=_POLL)
-        except ExternalShutdownException:
-            pass
+            except Exception:  # the next call is served all the same
+                if self._node.context.ok():
+                    self._node.get_logger().error(traceback.format_exc())
 
     def _measure(self):
         """Return a finished request."""

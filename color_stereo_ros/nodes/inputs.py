@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The input topics of range_node: what arrives, is refused, or is paired."""
 
-import traceback
-
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -120,14 +118,8 @@ class StereoInputs:
     def _subscribe(self, parameters, side, kind):
         topic = f'{side}/{"image_raw" if kind is Image else "camera_info"}'
         take = self._take_image if kind is Image else self.calibration.add
-
-        def guarded(msg):
-            try:
-                take(side, msg)
-            except Exception:  # whatever a message holds, the node lives on
-                self._complain(f'{topic}: {traceback.format_exc()}')
-
-        return FollowingSubscription(self._node, kind, topic, guarded, parameters)
+        return FollowingSubscription(self._node, kind, topic, lambda msg: take(side, msg),
+                                     parameters)
 
     def _take_image(self, side, msg):
         try:

@@ -239,7 +239,7 @@ def cloud_message(result, header, *, compact=False, rotation=None, message=None)
     message.point_step = POINT_STEP
     message.is_dense = compact
     known = np.isfinite(result.depth) if compact else None
-    rows, columns = (1, np.count_nonzero(known)) if compact else result.depth.shape
+    rows, columns = (1, int(np.count_nonzero(known))) if compact else result.depth.shape
     message.height, message.width = rows, columns
     message.row_step = POINT_STEP * columns
     view = _view(message, (rows, columns, 4), np.float32)

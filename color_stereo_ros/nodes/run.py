@@ -5,11 +5,17 @@ import os
 import signal
 import sys
 import threading
+import traceback
+
+_POLL = 0.1
+"""s until a signal is noticed by an idle node."""
 
 
 def run(make_node, args=None):
     """
     Run a node until SIGINT, SIGTERM or the shutdown of ROS.
+
+    An exception in a callback is logged, and the node goes on.
 
     Parameters
     ----------
@@ -24,13 +30,12 @@ def run(make_node, args=None):
         0 after a clean end, 1 if the settings are refused.
 
     """
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
-    try:
-        status = _run(make_node, args)
-    except KeyboardInterrupt:
-        status = 0
-    if any(thread.is_alive() for thread in threading.enumerate()
-           if thread is not threading.main_thread()):
+    # rclpy's own handlers end the context while callbacks and threads still use it
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    status = _run(make_node, args, stop)
+    if threading.active_count() > 1:
         # a thread that compiles cannot be interrupted, and must not see the interpreter go
         sys.stdout.flush()
         sys.stderr.flush()
@@ -38,30 +43,40 @@ def run(make_node, args=None):
     return status
 
 
-def _run(make_node, args):
+def _run(make_node, args, stop):
     import rclpy
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
 
     from ..core.types import ColorStereoError
 
-    rclpy.init(args=args)
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     node = None
     try:
         node = make_node()
-        # the experimental EventsExecutor of Jazzy hangs in some builds: no timer ever fires
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        _spin(node, stop)
     except ColorStereoError as error:
         rclpy.logging.get_logger('color_stereo_ros').fatal(str(error))
         return 1
     finally:
-        # a second Ctrl-C must not interrupt the first one's work
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _spin(node, stop):
+    """Serve the callbacks of a node until the event is set."""
+    # the experimental EventsExecutor of Jazzy hangs in some builds: no timer ever fires
+    from rclpy.executors import SingleThreadedExecutor
+
+    from .complaints import Complaints
+
+    complain = Complaints(lambda text: node.get_logger().error(text))
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while node.context.ok() and not stop.is_set():
+        try:
+            executor.spin_once(timeout_sec=_POLL)
+        except Exception:  # whatever happens in a callback, the node lives on
+            if node.context.ok():
+                complain(traceback.format_exc())
