@@ -2,6 +2,8 @@
 """Scenes and rigs as YAML: what is read, and what is refused with which words."""
 
 import os
+from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -9,15 +11,18 @@ import cv2
 
 from sim_scenes import CARD, scene_of, SIZE, small_rig
 
-from color_stereo_ros.sim import load_scene, SceneError
-from color_stereo_ros.sim.relief import relief_heights, relief_mesh
-from color_stereo_ros.sim.shapes import revolved_mesh, tube_mesh
+from color_stereo_ros.sim import load_scene, rig_names, SceneError
+from color_stereo_ros.sim.materials import MATERIALS, TEXTURES
+from color_stereo_ros.sim.relief import FEATURES, relief_heights, relief_mesh
+from color_stereo_ros.sim.shapes import revolved_mesh, SHAPES, tube_mesh
 from color_stereo_ros.sim.transport import World
 from color_stereo_ros.sim.truth import cast, find_truth
 
 import numpy as np
 
 import pytest
+
+import yaml
 
 BAD_SCENES = [
     ({}, r'objects is missing'),
@@ -65,6 +70,33 @@ BAD_SCENES = [
 def test_a_bad_scene_is_refused_with_field_value_and_what_is_legal(description, words):
     with pytest.raises(SceneError, match=words):
         load_scene(description)
+
+
+def yaml_examples():
+    """Return the YAML blocks of the manual."""
+    text = (Path(__file__).parents[1] / 'docs' / 'simulation.md').read_text()
+    return [yaml.safe_load(block) for block in re.findall(r'```yaml\n(.*?)```', text, re.DOTALL)]
+
+
+def test_the_examples_of_the_manual_are_good_scenes_and_rigs():
+    scene, rig = yaml_examples()
+    assert load_scene(scene).frames == 2
+    assert load_scene(scene, rig=rig).rig.right.sensitivity == (1.0, 0.9, 0.4)
+
+
+def test_the_manual_names_every_shape_material_and_rig():
+    text = (Path(__file__).parents[1] / 'docs' / 'simulation.md').read_text()
+    missing = [name for name in (*SHAPES, *MATERIALS, *FEATURES, *TEXTURES, *rig_names())
+               if name not in text]
+    assert not missing
+
+
+@pytest.mark.parametrize('name', rig_names())
+def test_every_shipped_rig_can_be_calibrated(name):
+    rig = load_scene('solids', rig=name).rig
+    assert rig.name == name
+    assert rig.calibration.geometry.baseline == pytest.approx(
+        rig.right.pose.position[0] - rig.left.pose.position[0])
 
 
 def test_an_unknown_scene_is_refused_with_the_nearest_name():
