@@ -93,7 +93,7 @@ def test_judging_agrees_with_the_formulas(subpixel):
     status = np.empty((HEIGHT, WIDTH), np.uint8)
     code = {'none': 0, 'parabola': 1, 'weighted': 2}[subpixel]
     _kernels.judge(winner, costs, reason, right, FIRST, COUNT, low, high, 4.0, 2.0, code, 1.5,
-                   disparity, deviation, confidence, status)
+                   -100.0, 100.0, disparity, deviation, confidence, status)
     for y in range(HEIGHT):
         for x in range(WIDTH):
             k, mirrored = (int(v) for v in winner[y, x])

@@ -356,12 +356,12 @@ def _within_one_pixel(deviation):
 
 @njit(cache=True, nogil=True, parallel=True)
 def judge(winner, costs, reason, right, first, count, low, high, tolerance, uniqueness, subpixel,
-          independent, disparity, deviation, confidence, status):
+          independent, smallest, largest, disparity, deviation, confidence, status):
     """
     Turn winners into disparities, or into the reason why there is none.
 
-    Reads winner (H, W, 2) and costs (H, W, 4) of the search, and the number of independent
-    pixels in a window; writes disparity, deviation (its standard deviation) and confidence
+    Reads winner (H, W, 2) and costs (H, W, 4) of the search, the number of independent pixels in
+    a window and the limits of the disparity; writes disparity, deviation (its standard deviation) and confidence
     (H, W), and status (H, W), the codes of Status.
 
     """
@@ -388,8 +388,14 @@ def judge(winner, costs, reason, right, first, count, low, high, tolerance, uniq
                     code = INCONSISTENT
                 elif bend <= 0 or (uniqueness > 0 and second <= best * distinct):
                     code = AMBIGUOUS
+            found = np.float32(np.nan)
+            if code == VALID:
+                found = first + k + _offset(before, best, after, subpixel)
+                if found < smallest or found > largest:
+                    code = OUT_OF_RANGE
+                    found = np.float32(np.nan)
             status[y, x] = code
-            disparity[y, x] = np.nan
+            disparity[y, x] = found
             deviation[y, x] = np.nan
             confidence[y, x] = 0.0
             if code == VALID:
@@ -397,7 +403,6 @@ def judge(winner, costs, reason, right, first, count, low, high, tolerance, uniq
                 # color difference, the variance of d0 is that noise over half the bend.
                 noise = max(best, one) / independent
                 spread = math.sqrt(noise / bend)
-                disparity[y, x] = first + k + _offset(before, best, after, subpixel)
                 deviation[y, x] = spread
                 confidence[y, x] = _within_one_pixel(spread)
                 # The same noise tells how much more likely the winner is than the next minimum.

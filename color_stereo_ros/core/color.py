@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Color correction and noise elimination of the paper's method (paper, sec. 2.2)."""
 
+import math
+
 import cv2
 import numpy as np
 
@@ -9,6 +11,7 @@ from . import _kernels
 BRIGHTNESS = 255.0   # lambda of the paper: the sum of the components after scaling
 ESTIMATE = -1.0      # value of color.dark_level that asks for an estimate
 DARK_PERCENTILE = 5.0  # of the weakest component
+BLUR_REACH = 3.0     # standard deviations that the smoothing looks to each side
 DARK_STEP = 8        # px, the dark level is estimated from every eighth row and column
 SPOT_STEP = 16       # px, statistics look at one spot of so many rows and columns
 SPOT_SIZE = 4        # px, rows and columns of a spot
@@ -32,6 +35,7 @@ class ColorCorrection:
     def __init__(self, settings):
         """Keep the settings."""
         self._settings = settings
+        self._memory = {}
 
     def correct(self, pair):
         """
@@ -45,14 +49,15 @@ class ColorCorrection:
         -------
         left, right : (numpy.ndarray, numpy.ndarray)
             Colors, float32 (H, W, 4): corrected components and 1, or four zeros where a pixel
-            cannot be used; and reason, uint8 (H, W): Status.VALID or why it cannot.
+            cannot be used; and reason, uint8 (H, W): Status.VALID or why it cannot. The next
+            call overwrites them.
 
         """
         views = [(pair.left, pair.left_inside), (pair.right, pair.right_inside)]
         darks = [self._dark_level(*view) for view in views]
         gains = self._gains(views, darks)
-        return tuple(self._corrected(*view, dark, gain)
-                     for view, dark, gain in zip(views, darks, gains))
+        return tuple(self._corrected(side, *view, dark, gain)
+                     for side, view, dark, gain in zip(('left', 'right'), views, darks, gains))
 
     def _dark_level(self, image, inside):
         """Return the signal without light of each channel, float32 (3,), DN."""
@@ -73,16 +78,23 @@ class ColorCorrection:
             return shared, shared
         return split_gains(shared, *(equal_brightness_gains(*sample) for sample in samples))
 
-    def _corrected(self, image, inside, dark, gains):
+    def _corrected(self, side, image, inside, dark, gains):
         """Return corrected colors (H, W, 4) and reasons (H, W) of one image."""
         settings = self._settings
-        colors = np.empty((*inside.shape, 4), np.float32)
-        reason = np.empty(inside.shape, np.uint8)
+        colors, blurred, reason = self._buffers(side, inside.shape)
         _kernels.correct_colors(
             image, inside, dark, gains, np.float32(settings.min_signal),
             settings.saturation_level, settings.zero_weakest,
             np.float32(BRIGHTNESS if settings.scale else 0.0), colors, reason)
-        return smoothed(colors, reason, settings.smoothing), reason
+        return smoothed(colors, reason, settings.smoothing, blurred), reason
+
+    def _buffers(self, side, shape):
+        """Return memory for one image; taking it anew for each pair costs more than the work."""
+        if (side, shape) not in self._memory:
+            self._memory[side, shape] = (np.empty((*shape, 4), np.float32),
+                                         np.empty((*shape, 4), np.float32),
+                                         np.empty(shape, np.uint8))
+        return self._memory[side, shape]
 
 
 def estimated_dark_level(image, inside):
@@ -189,10 +201,26 @@ def split_gains(shared, left, right):
     return (shared * half).astype(np.float32), (shared / half).astype(np.float32)
 
 
-def smoothed(colors, reason, deviation):
-    """Return the colors after Gaussian smoothing over the usable pixels only."""
+def smoothed(colors, reason, deviation, blurred):
+    """
+    Return the colors after Gaussian smoothing over the usable pixels only.
+
+    Parameters
+    ----------
+    colors : numpy.ndarray, float32, shape (H, W, 4)
+        Components and 1, or four zeros where a pixel cannot be used.
+    reason : numpy.ndarray, uint8, shape (H, W)
+        Status.VALID where a pixel can be used.
+    deviation : float
+        Standard deviation, px; 0 = return the colors as they are.
+    blurred : numpy.ndarray, float32, shape (H, W, 4)
+        Memory for the result.
+
+    """
     if deviation == 0:
         return colors
-    blurred = cv2.GaussianBlur(colors, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
+    size = 2 * math.ceil(BLUR_REACH * deviation) + 1
+    cv2.GaussianBlur(colors, (size, size), deviation, dst=blurred,
+                     borderType=cv2.BORDER_REPLICATE)
     _kernels.normalize(blurred, reason)
     return blurred

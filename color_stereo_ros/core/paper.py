@@ -32,6 +32,7 @@ class PaperMatcher:
     def __init__(self, settings, geometry, limits):
         """Allocate the buffers of the search."""
         self._settings = settings.matching
+        self._limits = tuple(np.float32(limits))
         self._correction = ColorCorrection(settings.color)
         first, last = np.clip(search_interval(limits), 1 - geometry.width, geometry.width - 1)
         self._first = int(first) - 1  # one more at each end tells a minimum from a limit
@@ -53,22 +54,18 @@ class PaperMatcher:
 
         """
         (left, reason), (right, _) = self._correction.correct(pair)  # sec. 2.2, correction
-        low, high = self._global_limits(reason.shape)
-        match = self._searched(left, right, reason, low, high)  # sec. 2.2, search
+        buffers = self._buffers
+        match = self._searched(left, right, reason, buffers.low, buffers.high)  # sec. 2.2, search
         if self._settings.local_limit > 0:
             low, high = self._local_limits(match.disparity)
             match = self._searched(left, right, reason, low, high)
         return match
 
-    def _global_limits(self, shape):
-        """Return the first and one past the last candidate of each pixel, int32 (H, W)."""
-        return np.zeros(shape, np.int32), np.full(shape, self._count, np.int32)
-
     def _local_limits(self, disparity):
         """Return limits around the median disparity of the surroundings (paper, sec. 2.2)."""
         center = surrounding_median(disparity) - self._first
         reach = self._settings.local_limit
-        low, high = self._global_limits(disparity.shape)
+        low, high = self._buffers.low.copy(), self._buffers.high.copy()
         known = np.isfinite(center)
         low[known] = np.clip(np.floor(center[known] - reach), 0, self._count - 3)
         high[known] = np.clip(np.ceil(center[known] + reach) + 1, 3, self._count)
@@ -89,7 +86,7 @@ class PaperMatcher:
         _kernels.judge(
             buffers.winner, buffers.costs, reason, right, self._first, self._count, low, high,
             settings.left_right_tolerance, settings.uniqueness_ratio,
-            SUBPIXEL_CODES[settings.subpixel], self._independent,
+            SUBPIXEL_CODES[settings.subpixel], self._independent, *self._limits,
             match.disparity, match.disparity_std, match.confidence, match.status)
         return match
 
@@ -153,5 +150,7 @@ class _Buffers:
         self.ratios = np.zeros((bands, 2, 3, width + padded - 1), np.float32)
         self.right_cost = np.zeros((bands, width + padded - 1), np.int32)
         self.right_index = np.zeros((bands, width + padded - 1), np.int32)
+        self.low = np.zeros((height, width), np.int32)
+        self.high = np.full((height, width), count, np.int32)
         self.winner = np.zeros((height, width, 2), np.int32)
         self.costs = np.zeros((height, width, 4), np.int32)

@@ -25,10 +25,9 @@ def depth_from_disparity(disparity, geometry):
         m along Z of the rectified left camera; NaN = unknown or behind the camera.
 
     """
-    shift = disparity - np.float32(geometry.principal_offset)
-    with np.errstate(divide='ignore', invalid='ignore'):
-        depth = np.float32(geometry.focal_baseline) / shift
-    return np.where(shift > 0, depth, np.float32(np.nan))
+    depth = disparity - np.float32(geometry.principal_offset)
+    depth[depth <= 0] = np.nan
+    return np.divide(np.float32(geometry.focal_baseline), depth, out=depth)
 
 
 def disparity_from_depth(depth, geometry):
