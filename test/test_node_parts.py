@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parts of range_node that need no communication."""
+
+from dataclasses import replace
+import errno
+
+from color_stereo_ros.core import RecordingError, Settings
+from color_stereo_ros.nodes import cloud_files, worker as worker_module
+from color_stereo_ros.nodes.calibration_watch import CalibrationWatch
+from color_stereo_ros.nodes.cloud_files import save_cloud
+from color_stereo_ros.nodes.complaints import Complaints
+from color_stereo_ros.nodes.parameters import RangeNodeSettings
+from color_stereo_ros.nodes.synchroniser import Pair
+from color_stereo_ros.nodes.worker import Setup, Worker
+
+import numpy as np
+
+import pytest
+
+from ros_rig import calibration, image_message, info_message, PAPER, scene
+
+
+class Clock:
+    """A clock that the test turns."""
+
+    def __init__(self):
+        self.now = 50.0
+
+    def __call__(self):
+        return self.now
+
+
+# ---- complaints
+
+def test_the_same_text_is_said_once_in_a_while():
+    said, clock = [], Clock()
+    complain = Complaints(said.append, clock)
+    for text in ('a', 'b', 'a', 'a'):
+        complain(text)
+    clock.now += 5.1
+    complain('a')
+    assert said == ['a', 'b', 'a']
+
+
+def test_a_text_that_never_ends_is_repeated_all_the_same():
+    said, clock = [], Clock()
+    complain = Complaints(said.append, clock)
+    for _ in range(60):
+        clock.now += 0.2
+        complain('a')
+    assert len(said) == 3
+
+
+def test_many_different_texts_are_forgotten_again():
+    said = []
+    complain = Complaints(said.append, Clock())
+    for index in range(1000):
+        complain(str(index))
+    assert len(said) == 1000
+    complain('0')
+    assert len(said) == 1001
+
+
+# ---- calibrations
+
+@pytest.fixture
+def watch():
+    """Return a watch with both calibrations of the tiny rig, its clock and its changes."""
+    clock, changes = Clock(), []
+    result = CalibrationWatch(lambda: changes.append(1), clock)
+    result.test_clock, result.test_changes = clock, changes
+    for side in ('left', 'right'):
+        result.add(side, info_message(getattr(calibration(), side)))
+    return result
+
+
+def test_both_calibrations_make_one(watch):
+    assert watch.calibration.geometry.baseline == pytest.approx(0.06)
+    assert (watch.error, watch.missing, watch.changes) == (None, [], 1)
+    assert len(watch.test_changes) == 1
+
+
+def test_a_repeated_message_changes_nothing(watch):
+    before = watch.calibration
+    for _ in range(5):
+        for side in ('left', 'right'):
+            watch.add(side, info_message(getattr(calibration(), side)))
+    assert watch.calibration is before and len(watch.test_changes) == 1
+
+
+def test_one_side_alone_is_no_calibration():
+    watch = CalibrationWatch(lambda: None)
+    watch.add('left', info_message(calibration().left))
+    assert watch.calibration is None and watch.missing == ['right']
+
+
+def test_a_change_of_one_side_waits_for_the_other_one(watch):
+    new = calibration(baseline=0.1)
+    watch.add('left', info_message(new.left, d=[0.1, 0, 0, 0, 0.0]))
+    assert watch.calibration is None and watch.error is None
+    watch.add('right', info_message(new.right))
+    assert watch.calibration.geometry.baseline == pytest.approx(0.1)
+
+
+def test_an_unchanged_other_side_ends_the_wait(watch):
+    watch.add('left', info_message(calibration().left, d=[0.1, 0, 0, 0, 0.0]))
+    watch.add('right', info_message(calibration().right))
+    assert watch.calibration.left.D[0] == 0.1
+
+
+def test_a_silent_other_side_is_not_awaited_for_ever(watch):
+    watch.add('left', info_message(calibration().left, d=[0.1, 0, 0, 0, 0.0]))
+    watch.tick()
+    assert watch.calibration is None
+    watch.test_clock.now += 0.6
+    watch.tick()
+    assert watch.calibration.left.D[0] == 0.1
+
+
+def test_a_bad_calibration_replaces_a_good_one_by_its_reason(watch):
+    watch.add('left', info_message(calibration().left, k=[0.0] * 9))
+    watch.add('right', info_message(calibration().right))
+    assert watch.calibration is None
+    assert 'left K[0] = 0.0 px: the camera is not calibrated' in watch.error
+
+
+def test_an_empty_frame_is_warned_of():
+    watch = CalibrationWatch(lambda: None)
+    for side in ('left', 'right'):
+        msg = info_message(getattr(calibration(), side))
+        msg.header.frame_id = ''
+        watch.add(side, msg)
+    assert watch.calibration is not None
+    assert 'empty frame_id' in watch.warnings[0]
+
+
+# ---- the worker
+
+class Log:
+    """A logger that keeps what is said."""
+
+    def __init__(self):
+        self.errors = []
+
+    def info(self, text):
+        """Ignore."""
+
+    def error(self, text):
+        """Keep."""
+        self.errors.append(text)
+
+
+def pair(arrival=0.0):
+    """Return a pair of image messages."""
+    left, right = (image_message(image) for image in scene())
+    return Pair(left, right, 0, 0, arrival)
+
+
+@pytest.fixture
+def work():
+    """Yield a function that runs pairs through a worker and returns what it did."""
+    workers = []
+
+    def run(pairs, on_publish=lambda *_: None):
+        from threading import Event
+        done, log, failures = Event(), Log(), []
+        settings = replace(RangeNodeSettings(), matching=Settings().updated(PAPER).matching)
+
+        def publish(*arguments):
+            on_publish(*arguments)
+            done.set()
+
+        def fail(_, text):
+            failures.append(text)
+            done.set()
+
+        worker = Worker(Setup(calibration(), settings), publish, fail, log)
+        workers.append(worker)
+        worker.start()
+        for each in pairs:
+            done.clear()
+            worker.submit(each)
+            assert done.wait(120.0)
+        return worker, log, failures
+
+    yield run
+    for worker in workers:
+        worker.stop()
+
+
+def test_an_exception_costs_its_pair_and_not_the_worker(work, monkeypatch):
+    calls = []
+
+    class Fragile(worker_module.ColorStereo):
+        """Breaks at its second pair."""
+
+        def process(self, left, right):
+            if left.any():
+                calls.append(1)
+            if left.any() and len(calls) == 2:
+                raise RuntimeError('broken on purpose')
+            return super().process(left, right)
+
+    monkeypatch.setattr(worker_module, 'ColorStereo', Fragile)
+    worker, log, failures = work([pair(), pair(), pair()])
+    worker.stop()
+    assert failures == ['RuntimeError: broken on purpose']
+    assert 'Traceback' in log.errors[0] and len(log.errors) == 1
+    assert (worker.account.measured, worker.account.failed) == (2, 1)
+
+
+def test_a_failure_to_publish_is_contained_as_well(work):
+    def refuse(*_):
+        raise OSError(errno.EIO, 'wire cut')
+
+    worker, _, failures = work([pair()], on_publish=refuse)
+    assert 'wire cut' in failures[0]
+    assert worker.account.measured == 0
+
+
+def test_a_worker_can_be_stopped_before_it_has_started(work):
+    worker = Worker(Setup(None, RangeNodeSettings()), print, print, Log())
+    worker.stop()
+    assert worker.dropped == 0
+
+
+# ---- files of points
+
+def cloud():
+    """Return points with one unknown, and colors."""
+    points = np.arange(24, dtype=np.float32).reshape(2, 4, 3)
+    points[0, 1] = np.nan
+    return points, np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+
+
+def test_a_ply_file_holds_the_known_points(tmp_path):
+    points, colors = cloud()
+    assert save_cloud(tmp_path / 'a.ply', points, colors) == 7
+    header, _, body = (tmp_path / 'a.ply').read_bytes().partition(b'end_header\n')
+    assert b'element vertex 7' in header and b'binary_little_endian' in header
+    vertices = np.frombuffer(body, [('xyz', '<f4', 3), ('rgb', 'u1', 3)])
+    known = np.isfinite(points).all(axis=2)
+    np.testing.assert_array_equal(vertices['xyz'], points[known])
+    np.testing.assert_array_equal(vertices['rgb'], colors[known])
+
+
+def test_a_pcd_file_holds_the_known_points(tmp_path):
+    points, colors = cloud()
+    assert save_cloud(tmp_path / 'a.pcd', points, colors) == 7
+    header, _, body = (tmp_path / 'a.pcd').read_bytes().partition(b'DATA binary\n')
+    assert b'POINTS 7' in header
+    vertices = np.frombuffer(body, [('xyz', '<f4', 3), ('bgr', 'u1', 3), ('zero', 'u1')])
+    known = np.isfinite(points).all(axis=2)
+    np.testing.assert_array_equal(vertices['xyz'], points[known])
+    np.testing.assert_array_equal(vertices['bgr'][:, ::-1], colors[known])
+
+
+def test_another_suffix_is_refused(tmp_path):
+    with pytest.raises(RecordingError, match="ends in '.xyz', expected .ply or .pcd"):
+        save_cloud(tmp_path / 'a.xyz', *cloud())
+
+
+def test_a_failed_write_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch):
+    (tmp_path / 'a.ply').write_text('old')
+
+    def full(_):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    monkeypatch.setattr(cloud_files.os, 'fsync', full)
+    with pytest.raises(RecordingError, match='a.ply cannot be written: No space left on device'):
+        save_cloud(tmp_path / 'a.ply', *cloud())
+    assert [path.name for path in tmp_path.iterdir()] == ['a.ply']
+    assert (tmp_path / 'a.ply').read_text() == 'old'
