@@ -61,7 +61,8 @@ def test_without_any_image_it_says_that_none_has_arrived(rig):
 
 
 def test_without_a_subscriber_it_says_that_it_waits_for_one(rig):
-    parts = feed(rig, lambda p: p['inputs'].message == 'pairs arrive', 'pairs')
+    parts = feed(rig, lambda p: p['inputs'].message == 'pairs arrive'
+                 and p['range images'].message != 'getting ready', 'pairs')
     assert parts['range images'].message.startswith('waiting for a subscriber on /points, ')
     assert int(values_of(parts['range images'])['skipped for want of a subscriber']) >= 0
     assert parts['calibration'].message == 'calibrated'
@@ -103,6 +104,15 @@ def test_a_dark_scene_is_told_with_its_reason(rig):
     rig.node.destroy_subscription(subscription)
     assert parts['range images'].level == DiagnosticStatus.WARN
     assert 'too little pattern light' in parts['range images'].message
+
+
+def test_the_period_of_the_diagnostics_changes_while_running(rig):
+    def stamps(period):
+        assert rig.set_parameters(output__diagnostics_period=period).successful
+        return [rig.diagnose(lambda p: True, 'any') for _ in range(3)]
+
+    assert stamps(0.3) and stamps(0.1)
+    assert rig.get_parameter('output.diagnostics_period') == 0.1
 
 
 def test_another_pattern_is_warned_of_once_and_stays_in_the_diagnostics(rig):

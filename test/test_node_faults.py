@@ -245,7 +245,7 @@ INFO_FAULTS = {
     'P[2] infinite': ('left', entry('p', 2, INF), 'left P[2] = inf is not a finite number'),
     'P[1] skewed': ('left', entry('p', 1, 1.0), 'a rectified camera has no skew'),
     'P[10] = 0': ('right', entry('p', 10, 0.0), 'right P[8..11]'),
-    'no baseline': ('right', entry('p', 3, 0.0), 'right P[3] = 0.0 px m: the pair has no baseline'),
+    'no baseline': ('right', entry('p', 3, 0.0), 'right P[3] = 0.0 px m: the pair has no base'),
     'positive P[3]': ('right', entry('p', 3, 4.0), 'right P[3] = 4.0 px m is positive'),
     'baseline in mm': ('right', entry('p', 3, -3600.0 * 5), 'given in millimeters?'),
     'baseline tiny': ('right', entry('p', 3, -1e-6), 'right P[3] means a baseline of'),
@@ -253,7 +253,7 @@ INFO_FAULTS = {
     'P[7] not zero': ('right', entry('p', 7, -4.0), 'right P[7] = -4.0 px m: cameras above'),
     'left P[3] not zero': ('left', entry('p', 3, -4.0), 'left P[3] = -4.0 px m, expected 0: are '
                            'left and right camera swapped?'),
-    'focal lengths differ': ('right', entry('p', 0, 70.0), 'a rectified pair has one focal length'),
+    'focal lengths differ': ('right', entry('p', 0, 70.0), 'a rectified pair has one focal'),
     'rows differ': ('right', entry('p', 6, 3.0), 'a rectified pair has one principal row cy'),
     'width zero': ('left', fields(width=0), 'left width = 0 px'),
     'height zero': ('right', fields(height=0), 'right height = 0 px'),
@@ -360,6 +360,7 @@ def test_a_looped_recording_is_measured_in_every_pass(rig):
         for stamp in stamps:
             rig.send_pair(stamp=stamp)
             rig.spin_until(lambda: rig.stamps(DEPTH)[-1:] == [stamp], 'the pair')
+    rig.stamp = stamps[-1]  # what follows is later
     assert rig.stamps(DEPTH) == stamps * 3
 
 
@@ -541,8 +542,8 @@ def test_a_pinned_qos_that_does_not_fit_is_told(tmp_path):
     node = NodeProcess(tmp_path / 'log.txt', parameters={**PARAMETERS, override: 'reliable'},
                        arguments=['-r', '__ns:=/pinned'])
     rig = Rig('/pinned', qos=QoSProfile(depth=10, reliability=QoSReliabilityPolicy.BEST_EFFORT))
-    assert_told(rig, 'inputs', DiagnosticStatus.ERROR, '/pinned/left/image_raw', 'incompatible QoS',
-                'reliability')
+    assert_told(rig, 'inputs', DiagnosticStatus.ERROR, '/pinned/left/image_raw',
+                'incompatible QoS', 'reliability')
     assert node.stop() == 0
     rig.close()
 
@@ -552,6 +553,7 @@ def test_a_subscriber_with_incompatible_qos_is_told(rig):
     subscription = rig.node.create_subscription(Image, 'status/image', print, demanding)
     assert_told(rig, 'range images', DiagnosticStatus.ERROR, 'status/image', 'durability')
     rig.node.destroy_subscription(subscription)
+    rig.diagnose(lambda p: 'durability' not in p['range images'].message, 'the end of it')
 
 
 def helper_process(body):
