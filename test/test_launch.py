@@ -18,7 +18,8 @@ import yaml
 ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = sorted((ROOT / 'launch').glob('*.launch.xml'))
 PARAMETERS = {**flat(RangeNodeSettings()), **flat(SimRigSettings()), 'use_sim_time': False}
-INPUTS = {f'{side}/{topic}' for side in ('left', 'right') for topic in ('image_raw', 'camera_info')}
+INPUTS = {f'{side}/{topic}' for side in ('left', 'right')
+          for topic in ('image_raw', 'camera_info')}
 
 
 @pytest.mark.parametrize('path', LAUNCH, ids=lambda path: path.name)

@@ -128,6 +128,6 @@ def _oddities(left, right):
     if not frame:
         return ['left camera_info has an empty frame_id: nobody can place the points']
     if 'optical' not in frame:
-        return [f'left frame_id {frame!r} does not say "optical" (REP 103): if it is a body frame, '
-                'the points appear turned by 90 degrees']
+        return [f'left frame_id {frame!r} does not say "optical" (REP 103): if it is a body '
+                'frame, the points appear turned by 90 degrees']
     return []

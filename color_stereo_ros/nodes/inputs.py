@@ -62,7 +62,7 @@ class FollowingSubscription:
         """Become what the publishers offer; call it from the executor's thread now and then."""
         offered = {info.qos_profile.reliability
                    for info in self._node.get_publishers_info_by_topic(self.name)}
-        if not offered:
+        if self.publishers <= self._subscription.get_publisher_count():
             self.mismatch = None
         if self._pinned or not offered:
             return

@@ -160,7 +160,8 @@ def image_message(image, encoding, header, message=None):
     dtype, channels = _CHANNELS[encoding]
     shape = image.shape[:2] if channels == 1 else (*image.shape[:2], channels)
     if image.dtype != dtype or image.shape != shape:
-        raise ImageError(f'an image of type {image.dtype} and shape {image.shape} is no {encoding}')
+        raise ImageError(
+            f'an image of type {image.dtype} and shape {image.shape} is no {encoding}')
     message = message or Image()
     message.header = header
     message.height, message.width = shape[:2]

@@ -59,6 +59,14 @@ class Outputs:
             event_callbacks=PublisherEventCallbacks(incompatible_qos=note_mismatch),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
+    def forget_mismatches(self):
+        """Forget the subscribers with incompatible QoS that have left."""
+        for topic in list(self.mismatches):
+            publisher = self._publishers[topic]
+            if self._node.count_subscribers(publisher.topic_name) <= (
+                    publisher.get_subscription_count()):
+                del self.mismatches[topic]
+
     @property
     def names(self):
         """Return the full names of the topics."""

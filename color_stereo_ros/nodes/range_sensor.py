@@ -149,6 +149,7 @@ class RangeSensor:
 
     def _look_after(self):
         self.inputs.follow()
+        self.outputs.forget_mismatches()
         complaint = self.inputs.synchronizer.complaint(self.settings.sync.warn_after)
         if complaint:
             self._logger.warning(complaint, throttle_duration_sec=_WARN_PERIOD)
