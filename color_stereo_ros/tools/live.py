@@ -42,7 +42,14 @@ class Processes:
         self.stop_all()
 
     def start(self, name, module, *arguments):
-        """Start the function `main` of a module, as its executable does; log to NAME.txt."""
+        """
+        Start the function `main` of a module, as its executable does; log to NAME.txt.
+
+        Returns
+        -------
+        pid : int
+
+        """
         code = f'from {module} import main; raise SystemExit(main())'
         command = [sys.executable, '-u', '-c', code, *map(str, arguments)]
         with open(self._log(name), 'wb') as log, _interrupts_postponed():
@@ -51,6 +58,7 @@ class Processes:
             self._running[name] = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
                 start_new_session=True)
+        return self._running[name].pid
 
     def check(self):
         """Raise LiveError with the last lines of its log if a process has ended."""
