@@ -168,8 +168,8 @@ def known_result(unknown=((3, 4), (5, 6))):
               GEOMETRY.focal_baseline / 0.35 + GEOMETRY.principal_offset)
     deviation = np.where(status == 0, np.float32(0.125), np.float32(np.nan))
     return RangeResult(disparity=disparity, depth=depth, confidence=np.ones_like(depth),
-                       status=status, disparity_std=deviation.astype(np.float32), image_source=image,
-                       geometry=GEOMETRY, disparity_limits=limits)
+                       status=status, disparity_std=deviation.astype(np.float32),
+                       image_source=image, geometry=GEOMETRY, disparity_limits=limits)
 
 
 def test_the_camera_info_is_the_rectified_left_camera():

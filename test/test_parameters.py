@@ -243,7 +243,8 @@ def test_a_dump_of_all_parameters_starts_the_node_again_unchanged(tmp_path):
 @pytest.mark.parametrize('namespace', ['', '/cell/left_arm'])
 def test_the_shipped_file_is_found_in_every_namespace(make, tmp_path, namespace):
     text = (CONFIG / 'range_node.yaml').read_text().replace('queue_size: 8', 'queue_size: 5')
-    (tmp_path / 'changed.yaml').write_text(text)
-    owner = make('--params-file', str(tmp_path / 'changed.yaml'), '-r', f'__ns:={namespace or "/"}',
+    file = tmp_path / 'changed.yaml'
+    file.write_text(text)
+    owner = make('--params-file', str(file), '-r', f'__ns:={namespace or "/"}',
                  '-r', '__node:=range_node')
     assert owner.declare().settings.sync.queue_size == 5

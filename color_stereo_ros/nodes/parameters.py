@@ -248,8 +248,6 @@ def _comment(meta):
     return f'  # {meta["minimum"]} .. {meta["maximum"]} {meta["unit"]}'.rstrip()
 
 
-
-
 def write_parameter_files(folder):
     """Write the shipped parameter files, which hold the defaults."""
     for name, settings in (('range_node', RangeNodeSettings()),

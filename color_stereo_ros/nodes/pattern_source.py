@@ -2,6 +2,7 @@
 """The pattern that pattern_node shows, and the description by which range_node knows it."""
 
 from dataclasses import asdict
+from functools import lru_cache
 import hashlib
 import json
 
@@ -53,7 +54,7 @@ class PatternNode(Node):
         self._show(parameters.settings)
 
     def _show(self, settings):
-        pattern = make_pattern(settings.pattern)
+        pattern = _make_once(settings.pattern)
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=FRAME)
         self._image.publish(image_message(pattern, 'rgb8', header))
         self._info.publish(String(data=describe(settings.pattern, pattern)))
@@ -62,6 +63,13 @@ class PatternNode(Node):
 
 
 def _check(settings):
-    """Refuse the one pattern that nobody can make."""
+    """Refuse what cannot be shown, by a ColorStereoError."""
     if settings.pattern.type == 'unknown':
         raise SettingsError("pattern.type = 'unknown' names no pattern that can be shown")
+    _make_once(settings.pattern)
+
+
+@lru_cache(maxsize=1)
+def _make_once(settings):
+    """Return the pattern; the one that was checked is the one that is shown."""
+    return make_pattern(settings)

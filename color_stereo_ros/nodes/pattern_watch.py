@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Does the pattern that pattern_node shows fit the settings of range_node?"""
+"""Whether the pattern that pattern_node shows is the one that range_node expects."""
 
 from dataclasses import asdict
 import json
