@@ -1,0 +1,433 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Loop-only twins of the surface method's kernels, in float64, written from their formulas.
+
+One function for every parallel kernel of `_surface_kernels`, with its name; helpers without a
+twin of their own name are part of these. Twins return what the kernels write.
+
+"""
+
+import math
+
+from color_stereo_ros.core import _surface_kernels as kernels
+from color_stereo_ros.core.types import Status
+import numpy as np
+
+PAD, TILE_ROWS, TILE_COLUMNS = kernels.PAD, kernels.TILE_ROWS, kernels.TILE_COLUMNS
+RADIUS, HALO = kernels.RADIUS, kernels.HALO
+FLAT, CEILING = float(kernels.FLAT), float(kernels.CEILING)
+WINDOW = [(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)]
+CROSS = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)]
+
+
+def nodes_of(shape):
+    """Yield all index pairs of a two-dimensional array."""
+    for y in range(shape[0]):
+        for x in range(shape[1]):
+            yield y, x
+
+
+def tile_nodes(tile, halo=0):
+    """Yield the nodes of one tile and of so many around it."""
+    for y in range(tile[0] - halo, tile[0] + TILE_ROWS + halo):
+        for x in range(tile[1] - halo, tile[1] + TILE_COLUMNS + halo):
+            yield y, x
+
+
+def box_sums(image):
+    """Return the sums of 2 x 2 pixels right of and below each pixel, borders repeated."""
+    height, width = image.shape[:2]
+    out = np.zeros(image.shape, int)
+    for y, x in nodes_of((height, width)):
+        for v in (y, min(y + 1, height - 1)):
+            for u in (x, min(x + 1, width - 1)):
+                out[y, x] += image[v, u]
+    return out
+
+
+def bilinear(image, y, x, fy, fx):
+    """Return the value of an image between four pixels."""
+    above = (1 - fx) * image[y, x] + fx * image[y, x + 1]
+    below = (1 - fx) * image[y + 1, x] + fx * image[y + 1, x + 1]
+    return (1 - fy) * above + fy * below
+
+
+def sample_colors(box, index, frac_x, frac_y, dark, gain, soft):
+    """Return u, v, s, peak of the nodes; box is (H, W, 3)."""
+    u, v, s, peak = np.zeros((4, *index.shape))
+    for y, x in nodes_of(index.shape):
+        if index[y, x] < 0:
+            peak[y, x] = -1
+            continue
+        row, column = divmod(index[y, x] // 3, box.shape[1])
+        raw = bilinear(box, row, column, frac_y[y, x], frac_x[y, x]) / 4
+        r, g, b = [max(c - d, 0) * k for c, d, k in zip(raw, dark, gain)]
+        s[y, x] = r + g + b
+        u[y, x] = (2 * r - g - b) / (s[y, x] + soft)
+        v[y, x] = math.sqrt(3) * (g - b) / (s[y, x] + soft)
+        peak[y, x] = max(raw)
+    return u, v, s, peak
+
+
+def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, shape):
+    """Return the coarse chromaticities (units of 1 / scale) and trusts, not yet quantized."""
+    out = np.zeros((3, *shape))
+    for y, x in nodes_of(shape):
+        inner = [(j, i) for j in range(top + y * step_y, top + (y + 1) * step_y)
+                 for i in range(left + x * step_x, left + (x + 1) * step_x)]
+        weight = sum(s[p] + soft for p in inner)
+        out[0, y, x] = scale * sum(u[p] * (s[p] + soft) for p in inner) / weight
+        out[1, y, x] = scale * sum(v[p] * (s[p] + soft) for p in inner) / weight
+        out[2, y, x] = min(16, 16 * np.mean([s[p] for p in inner]) / knee)
+    return out
+
+
+def color_variance(s, peak, saturation, floor, shot, relative):
+    """Return the variance of each chromaticity."""
+    out = np.empty(s.shape)
+    for y, x in nodes_of(s.shape):
+        total = max(float(s[y, x]), 1e-3)
+        out[y, x] = (floor + shot * total + relative * total ** 2) / total ** 2
+        if peak[y, x] < 0 or peak[y, x] >= saturation or out[y, x] > FLAT:
+            out[y, x] = FLAT
+    return out
+
+
+def node_cost(left, right, y, x, disparity, cap, neutral):
+    """Return the cost of one pair of coarse nodes; left and right are (u, v, trust)."""
+    at = x - disparity
+    inside = 0 <= at < right.shape[2]
+    color = [int(c) for c in right[:, y, at]] if inside else [0, 0, 0]
+    cost = min(cap, sum(abs(int(left[c, y, x]) - color[c]) for c in (0, 1)))
+    trust = min(int(left[2, y, x]), color[2])
+    return neutral + (cost - neutral) * trust // 16
+
+
+def cost_volume(left, right, first, depth, cap, neutral):
+    """Return costs summed over 3 x 3 nodes, (h, w, depth), of the disparities from first on."""
+    rows, columns = left.shape[1:]
+    out = np.zeros((rows, columns, depth), int)
+    for y, x in nodes_of((rows, columns)):
+        for d in range(depth):
+            out[y, x, d] = sum(
+                node_cost(left, right, min(max(y + j, 0), rows - 1),
+                          min(max(x + i, 0), columns - 1), first + d, cap, neutral)
+                for j, i in WINDOW)
+    return out
+
+
+def path_costs(costs, small, large):
+    """Return the costs along one path of nodes, costs (n, D) (Hirschmueller 2008, eq. 13)."""
+    path = np.zeros(costs.shape, int)
+    path[0] = costs[0]
+    for n in range(1, len(costs)):
+        before, least = path[n - 1], min(path[n - 1])
+        for d in range(costs.shape[1]):
+            steps = [before[e] + small for e in (d - 1, d + 1) if 0 <= e < costs.shape[1]]
+            path[n, d] = costs[n, d] + min(before[d], least + large, *steps) - least
+    return path
+
+
+def sgm_rows(cost, small, large):
+    """Return the sum of the two horizontal path costs."""
+    return np.stack([path_costs(row, small, large) + path_costs(row[::-1], small, large)[::-1]
+                     for row in cost])
+
+
+def sgm_columns(cost, small, large):
+    """Return the sum of the two vertical path costs."""
+    return sgm_rows(cost.transpose(1, 0, 2), small, large).transpose(1, 0, 2)
+
+
+def winners(total, first):
+    """Return the disparity of each coarse node, NaN where left and right disagree."""
+    disparity = np.full(total.shape[:2], np.nan)
+    for y in range(total.shape[0]):
+        best = [int(np.argmin(line)) for line in total[y]]
+        for x, at in enumerate(best):
+            right = x - (first + at)
+            if not 0 <= right < total.shape[1]:
+                continue
+            bids = [(total[y, i, k], -k) for i, k in enumerate(best) if i - (first + k) == right]
+            if abs(-min(bids)[1] - at) <= 1:
+                disparity[y, x] = first + at + v_fit(total[y, x], at)
+    return disparity
+
+
+def v_fit(line, at):
+    """Return the offset of the tip of a V with equal slopes through three costs."""
+    if not 0 < at < len(line) - 1:
+        return 0.0
+    rise = max(line[at - 1], line[at + 1]) - line[at]
+    return 0.5 * (line[at - 1] - line[at + 1]) / rise if rise > 0 else 0.0
+
+
+def seed_planes(coarse, factor, offset, rows, columns):
+    """Return d, a, b of the half grid, (3, rows, columns) without frame."""
+    planes = np.zeros((3, rows, columns))
+    for y, x in nodes_of((rows, columns)):
+        cy, cx = min(y // factor, coarse.shape[0] - 1), min(x // factor, coarse.shape[1] - 1)
+        a = 2 * one_sided_slope(coarse[cy], cx)
+        b = 2 * one_sided_slope(coarse[:, cx], cy)
+        center = (factor - 1) / 2
+        planes[:, y, x] = (2 * factor * coarse[cy, cx] + offset + a * (x - cx * factor - center)
+                           + b * (y - cy * factor - center), a, b)
+    return planes
+
+
+def one_sided_slope(values, at):
+    """Return the smaller of the steps to the known neighbors, the end of a row repeated."""
+    backward = values[at] - values[max(at - 1, 0)]
+    forward = values[min(at + 1, len(values) - 1)] - values[at]
+    known = [step for step in (forward, backward) if not math.isnan(step)]
+    return min(known, key=abs, default=0.0)
+
+
+def catmull_rom(p, t):
+    """Return the value and the derivative of a Catmull-Rom spline between p[1] and p[2]."""
+    c1 = 0.5 * (p[2] - p[0])
+    c2 = p[0] - 2.5 * p[1] + 2 * p[2] - 0.5 * p[3]
+    c3 = 1.5 * (p[1] - p[2]) + 0.5 * (p[3] - p[0])
+    return p[1] + c1 * t + c2 * t * t + c3 * t ** 3, c1 + 2 * c2 * t + 3 * c3 * t * t
+
+
+def linearize(left, right, matrix, d, tiles, robust, scale, reference):
+    """Return weight, moment and misfit, NaN outside the tiles; left, right are (u, v, var)."""
+    out = np.full((3, *d.shape), np.nan)
+    for y, x in (node for tile in tiles for node in tile_nodes(tile)):
+        out[:, y, x] = 0, 0, np.nan
+        place = 2.0 * (x - PAD) - float(d[y, x])
+        if not 1 <= place < right.shape[2] - 2:
+            continue
+        i = int(place)
+        noise = max(right[2, y, i], right[2, y, i + 1])
+        if noise >= FLAT or left[2, y, x] >= FLAT:
+            continue
+        (u, gu), (v, gv) = (catmull_rom(right[c, y, i - 1:i + 3].astype(float), place - i)
+                            for c in (0, 1))
+        error = left[:2, y, x] - matrix @ (u, v, 1)
+        slope = matrix[:, :2] @ (gu, gv)
+        steep = slope @ slope
+        w = 1 / (scale * (left[2, y, x] + noise) + kernels.JITTER * steep)
+        chi = w * (error @ error)
+        w /= 1 + chi / robust
+        out[:, y, x] = w * steep, w * steep * (d[y, x] - reference) - w * (slope @ error), chi
+    return out
+
+
+def fit_planes(weight, moment, planes, tiles, smooth, gate, ridge, steepest, reference):
+    """Return d, a, b and variance, NaN outside the tiles."""
+    out = np.full((4, *weight.shape), np.nan)
+    for tile, one_surface in zip(tiles, smooth):
+        informed = any(weight[node] > 0 for node in tile_nodes(tile, RADIUS))
+        for y, x in tile_nodes(tile):
+            if not informed:
+                out[:, y, x] = *planes[:, y, x], np.inf
+                continue
+            window = [(j, i) for j in range(-RADIUS, RADIUS + 1)
+                      for i in range(-RADIUS, RADIUS + 1)
+                      if one_surface or on_plane(planes, y, x, j, i, gate)]
+            out[:, y, x] = fitted_plane(weight, moment, planes[:, y, x], y, x, window, ridge,
+                                        steepest, reference)
+    return out
+
+
+def on_plane(planes, y, x, j, i, gate):
+    """Return whether node (y + j, x + i) lies within gate of the plane of node (y, x)."""
+    d, a, b = planes[:, y, x]
+    return abs(planes[0, y + j, x + i] - (d + a * i + b * j)) < gate
+
+
+def fitted_plane(weight, moment, last, y, x, window, ridge, steepest, reference):
+    """Return d, a, b, variance of the weighted least squares of one node."""
+    normal, pulled = np.zeros((3, 3)), np.zeros(3)
+    for j, i in window:
+        place = np.array([1.0, i, j])
+        normal += weight[y + j, x + i] * np.outer(place, place)
+        pulled += moment[y + j, x + i] * place
+    total = normal[0, 0]
+    if total <= 1e-6:
+        return *last, np.inf
+    means = normal[0, 1:] / total
+    held = normal + ridge * total * np.diag([0, 1, 1])
+    slopes = np.linalg.solve(held, pulled + ridge * total * np.array([0, last[1], last[2]]))[1:]
+    slopes = np.clip(slopes, -steepest, steepest)
+    signal = total - float(kernels.NOISE_WEIGHT) * len(window)
+    variance = np.linalg.inv(held)[0, 0] * total / signal if signal > 0.02 * total else np.inf
+    return reference + pulled[0] / total - means @ slopes, *slopes, variance
+
+
+def find_smooth_tiles(planes, misfit, variance, tiles, halo, step, worst):
+    """Return which tiles one surface fills, bool (N,)."""
+    d, a, b = planes
+    smooth = []
+    for tile in tiles:
+        speaking = [node for node in tile_nodes(tile, halo) if variance[node] < FLAT]
+        unbroken = all(
+            (variance[y - 1, x] >= FLAT or abs(d[y, x] - d[y - 1, x] - b[y - 1, x]) < step)
+            and (variance[y, x - 1] >= FLAT or abs(d[y, x] - d[y, x - 1] - a[y, x - 1]) < step)
+            for y, x in speaking)
+        total = sum(capped(misfit[node]) for node in speaking)
+        smooth.append(unbroken and total <= worst * len(speaking))
+    return np.array(smooth)
+
+
+def capped(chi):
+    """Return a misfit, at most CEILING; NaN counts as that."""
+    return float(chi) if chi < CEILING else CEILING
+
+
+def plane_misfit(left, right, matrix, scale, cap, planes, y, x, step_y, step_x):
+    """Return the truncated misfit of one node under the plane of the node a step away."""
+    d, a, b = planes[:, y + step_y, x + step_x].astype(float)
+    place = 2.0 * (x - PAD) - (d - a * step_x - b * step_y)
+    if not 0 <= place < right.shape[2] - 1:
+        return cap
+    i = int(place)
+    here, there = right[:, y, i].astype(float), right[:, y, i + 1].astype(float)
+    noise = max(here[2], there[2])
+    if noise >= FLAT:
+        return cap / 2
+    slope = (there - here)[:2]
+    u, v = here[:2] + slope * (place - i)
+    error = left[:2, y, x] - matrix @ (u, v, 1)
+    spread = scale * (left[2, y, x] + noise) + float(kernels.JITTER) * (slope @ slope)
+    return min(cap, error @ error / spread)
+
+
+def shifted_mean(misfits, y, x):
+    """Return the lowest of the nine 3 x 3 means that contain a node."""
+    return min(np.mean([misfits[y + j + v, x + i + u] for v, u in WINDOW]) for j, i in WINDOW)
+
+
+def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step):
+    """Return d, a, b and cost, NaN outside the tiles."""
+    out = np.full((4, *planes.shape[1:]), np.nan)
+    for tile in tiles:
+        if not any(planes[0][node] > -np.inf for node in tile_nodes(tile, step + HALO)):
+            for y, x in tile_nodes(tile):
+                out[3, y, x] = cap
+            continue
+        misfits = {(j, i): {(y, x): plane_misfit(left, right, matrix, scale, cap, planes, y, x,
+                                                 step * j, step * i)
+                            for y, x in tile_nodes(tile, HALO)} for j, i in CROSS}
+        for y, x in tile_nodes(tile):
+            costs = {side: shifted_mean(misfits[side], y, x) for side in CROSS}
+            best = min(CROSS, key=lambda side: costs[side] - inertia * (side == (0, 0)))
+            j, i = best[0] * step, best[1] * step
+            d, a, b = planes[:, y + j, x + i]
+            out[:, y, x] = d - a * i - b * j, a, b, costs[best]
+    return out
+
+
+def judge(planes, cost, misfit, variance, color_variances, rows, columns, model):
+    """Return evidence (rows, columns, 5) and trust (rows, columns)."""
+    d, a, b = planes
+    evidence, trust = np.zeros((rows, columns, 5)), np.zeros((rows, columns))
+    for row, column in nodes_of((rows, columns)):
+        y, x = row + PAD, column + PAD
+        steps = (d[y, x + 1] - d[y, x] - a[y, x], d[y, x - 1] - d[y, x] + a[y, x],
+                 d[y + 1, x] - d[y, x] - b[y, x], d[y - 1, x] - d[y, x] + b[y, x])
+        evidence[row, column] = np.sqrt([
+            capped(cost[y, x]), np.mean([capped(misfit[y + j, x + i]) for j, i in WINDOW]),
+            math.sqrt(min(variance[y, x], 1)),
+            np.mean([abs(s) if abs(s) < 2 else 2.0 for s in steps]),
+            min(color_variances[y, x], FLAT)])
+        trust[row, column] = (model[0] + model[1:] @ evidence[row, column]
+                              if np.isfinite(d[y, x]) else kernels.UNKNOWN)
+    return evidence, trust
+
+
+def remove_islands(planes, trust, rows, columns, step, least_size):
+    """Return trust with ISLAND in small segments; segments grow node by node."""
+    d, a, b = planes
+    out = trust.copy()
+    waiting = {(y + PAD, x + PAD) for y, x in nodes_of((rows, columns))
+               if trust[y + PAD, x + PAD] > 0}
+
+    def together(p, q):
+        slope = b if p[0] != q[0] else a
+        sign = (q[0] - p[0]) + (q[1] - p[1])
+        return any(abs(d[q] - d[p] - sign * slope[r]) < step for r in (p, q))
+
+    while waiting:
+        segment = [waiting.pop()]
+        for y, x in segment:
+            near = {(y + j, x + i) for j, i in CROSS[1:]} & waiting
+            joined = [q for q in sorted(near) if together((y, x), q)]
+            segment += joined
+            waiting -= set(joined)
+        if len(segment) < least_size:
+            for node in segment:
+                out[node] = kernels.ISLAND
+    return out
+
+
+def find_hidden(planes, trust, rows, columns, width, tolerance):
+    """Return which nodes claim the place of a more trusted surface, bool (rows, columns)."""
+    d, a = planes[:2].astype(float)
+    hidden = np.zeros((rows, columns), bool)
+    for row in range(rows):
+        y = row + PAD
+        claims = [x for x in range(PAD, PAD + columns) if trust[y, x] > kernels.ISLAND]
+        owner = {}
+        for x in claims:
+            center = 2 * (x - PAD) - d[y, x]
+            reach = min(max(0.5, 1 - 0.5 * a[y, x]), 4)
+            for at in range(width):
+                if abs(at - center) <= reach and (
+                        at not in owner or trust[y, x] > trust[y, owner[at]]):
+                    owner[at] = x
+        for x in claims:
+            rival = owner.get(math.floor(2 * (x - PAD) - d[y, x] + 0.5), x)
+            apart = abs(d[y, rival] + a[y, rival] * (x - rival) - d[y, x])
+            hidden[row, x - PAD] = apart > tolerance + 0.25 * abs(x - rival)
+    return hidden
+
+
+def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
+           saturation, dark, hidden_odds, least_odds, vague):
+    """Return standard deviation, confidence and status, (rows, columns) each."""
+    std, confidence = np.zeros((2, rows, columns))
+    status = np.zeros((rows, columns), np.uint8)
+    for row, column in nodes_of((rows, columns)):
+        node = row + PAD, column + PAD
+        odds = float(trust[node]) + (hidden_odds if hidden[node] else 0)
+        apart = kernels.BENT * evidence[row, column, 3] ** 2
+        std[row, column] = math.sqrt(kernels.CORRELATED * variance[node] + apart ** 2)
+        confidence[row, column] = 1 / (1 + math.exp(-odds))
+        unsure = odds < least_odds
+        reasons = [
+            (Status.OUTSIDE_IMAGE, peak[node] < 0),
+            (Status.SATURATED, unsure and peak[node] >= saturation),
+            (Status.DARK, peak[node] < saturation
+             and s[node] < (dark if unsure else kernels.PITCH_DARK)),
+            (Status.NO_MATCH, math.isnan(d[node])),
+            (Status.OUT_OF_RANGE, not limits[0] <= d[node] <= limits[1]),
+            (Status.VALID, not unsure),
+            (Status.INCONSISTENT, hidden[node]),
+            (Status.AMBIGUOUS, std[row, column] > vague),
+            (Status.NO_MATCH, cost[node] > 0.3 * CEILING),
+            (Status.IMPLAUSIBLE, True)]
+        status[row, column] = next(code for code, holds in reasons if holds)
+    return std, confidence, status
+
+
+def expand(planes, std, confidence, status, rows, columns, limits, focal_baseline, offset, shape):
+    """Return disparity, depth, standard deviation, confidence (4, H, W) and status (H, W)."""
+    images = np.full((4, *shape), np.nan)
+    codes = np.zeros(shape, np.uint8)
+    for v, u in nodes_of(shape):
+        row, column = min(v // 2, rows - 1), min(u // 2, columns - 1)
+        node = row + PAD, column + PAD
+        d, a, b = planes[:, node[0], node[1]].astype(float)
+        # a node lies at the center of its 2 x 2 pixels and is two pixels wide
+        value = d + a * (u - 2 * column - 0.5) / 2 + b * (v - 2 * row - 0.5) / 2
+        codes[v, u] = status[node]
+        if codes[v, u] == Status.VALID and not limits[0] <= value <= limits[1]:
+            codes[v, u] = Status.OUT_OF_RANGE
+        images[3, v, u] = 0
+        if codes[v, u] == Status.VALID:
+            images[:, v, u] = (value, focal_baseline / (value - offset), std[node],
+                               confidence[node])
+    return images, codes

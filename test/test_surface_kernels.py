@@ -1,0 +1,462 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The compiled kernels of the surface method against their loop-only twins.
+
+Kernels compute in float32, twins in float64: 1e-4 relative, or as stated.
+
+"""
+
+import ast
+import inspect
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+from color_stereo_ros.core import _surface_kernels as kernels, Status, surface
+import naive_surface as naive
+import numpy as np
+import pytest
+
+F4, I2 = np.float32, np.int16
+PAD = kernels.PAD
+ROWS, COLUMNS = 13, 41            # no multiples of a tile
+SHAPE = (2 * PAD + 2 * kernels.TILE_ROWS, 2 * PAD + 2 * kernels.TILE_COLUMNS)
+WIDTH = 2 * COLUMNS
+INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
+TILES = surface.tiles_of(SHAPE)
+MATRIX = np.array([[1.1, 0.05, 0.02], [-0.04, 0.9, -0.03]], F4)
+
+
+def framed(values, outside=0.0):
+    """Return a framed float32 array with values (ROWS, COLUMNS) in it."""
+    out = np.full(SHAPE, outside, F4)
+    out[INNER] = values
+    return out
+
+
+def smooth_noise(rng, shape):
+    """Return random values -1 .. 1 whose neighbors resemble each other."""
+    noise = rng.uniform(-1, 1, (shape[0], shape[1] + 4))
+    return sum(noise[:, i:i + shape[1]] for i in range(5)) / 2
+
+
+def colors(rng, width, first, shape, bad_share=0.05):
+    """Return u, v, variance (3, *shape) of a view; some nodes say nothing."""
+    out = np.zeros((3, *shape), F4)
+    out[2] = kernels.FLAT
+    area = np.s_[PAD:PAD + ROWS, first:first + width]
+    for channel in range(2):
+        out[channel][area] = smooth_noise(rng, (ROWS, width))
+    variance = rng.uniform(1e-3, 2e-2, (ROWS, width))
+    variance[rng.random((ROWS, width)) < bad_share] = kernels.FLAT
+    out[2][area] = variance
+    return out
+
+
+def views(seed):
+    """Return u, v, variance of both cameras."""
+    rng = np.random.default_rng(seed)
+    return colors(rng, COLUMNS, PAD, SHAPE), colors(rng, WIDTH, 0, (SHAPE[0], WIDTH))
+
+
+def planes(seed, unknown_share=0.1, jump=6.0):
+    """Return d, a, b of two surfaces with a jump between them, negative disparities included."""
+    rng = np.random.default_rng(seed)
+    row, column = np.mgrid[:ROWS, :COLUMNS]
+    d = -4 + 0.1 * row + 0.2 * column + jump * (column > 20) + rng.normal(0, 0.2, row.shape)
+    d[rng.random(row.shape) < unknown_share] = np.nan
+    return np.stack([framed(d, np.nan), framed(rng.normal(0.2, 0.1, row.shape)),
+                     framed(rng.normal(0.1, 0.1, row.shape))])
+
+
+def unknown(count):
+    """Return so many float32 arrays without content."""
+    return np.full((count, *SHAPE), np.nan, F4)
+
+
+def test_every_parallel_kernel_has_a_twin():
+    tree = ast.parse(inspect.getsource(kernels))
+    parallel = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)
+                and any('parallel=True' in ast.unparse(mark) for mark in node.decorator_list)]
+    assert parallel
+    assert [name for name in parallel if not hasattr(naive, name)] == []
+
+
+def test_bands_cover_everything_once():
+    for size in (0, 1, 7, 8, 61):
+        bands = [kernels.band(k, kernels.BANDS, size) for k in range(kernels.BANDS)]
+        assert [i for first, last in bands for i in range(first, last)] == list(range(size))
+
+
+@pytest.mark.parametrize('height, width', [(5, 9), (2, 2), (16, 3)])
+def test_box_sums_are_exact(height, width):
+    image = np.random.default_rng(1).integers(0, 256, (height, width, 3)).astype(np.uint8)
+    out = np.empty((height, width * 3), np.uint16)
+    kernels.box_sums(image.reshape(height, -1), out)
+    np.testing.assert_array_equal(out.reshape(image.shape), naive.box_sums(image))
+
+
+def test_colors_are_sampled_between_pixels():
+    rng = np.random.default_rng(2)
+    height, width = 11, 14
+    box = rng.integers(0, 1020, (height, width, 3)).astype(np.uint16)
+    row, column = rng.integers(0, height - 1, (9, 12)), rng.integers(0, width - 1, (9, 12))
+    index = ((row * width + column) * 3).astype(np.int32)
+    index[rng.random(index.shape) < 0.2] = -1
+    frac_x, frac_y = rng.random((2, *index.shape)).astype(F4)
+    dark, gain = np.array([2, 30, 5], F4), np.array([1.2, 0.7, 1.0], F4)
+    out = np.full((4, *index.shape), 9, F4)
+    kernels.sample_colors(box.reshape(-1), index, frac_x, frac_y, 3 * width, dark, gain,
+                          surface.SOFT, *out)
+    expected = naive.sample_colors(box, index, frac_x, frac_y, dark, gain, float(surface.SOFT))
+    np.testing.assert_allclose(out, np.stack(expected), rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize('step_x, step_y, left', [(2, 2, PAD), (4, 2, 0)])
+def test_coarse_colors_are_means_weighted_by_brightness(step_x, step_y, left):
+    rng = np.random.default_rng(3)
+    u, v = rng.uniform(-2, 2, (2, *SHAPE)).astype(F4)
+    s = rng.uniform(0, 60, SHAPE).astype(F4)
+    scale, knee = surface.CoarseSearch.SCALE, surface.CoarseSearch.KNEE
+    out = np.empty((3, ROWS // step_y, COLUMNS // step_x), I2)
+    kernels.reduce_colors(u, v, s, PAD, left, step_x, step_y, surface.SOFT, scale, knee, *out)
+    expected = naive.reduce_colors(u.astype(float), v, s.astype(float), PAD, left, step_x, step_y,
+                                   float(surface.SOFT), float(scale), float(knee), out.shape[1:])
+    # whole units, rounded towards zero
+    np.testing.assert_allclose(out, np.trunc(expected), atol=1)
+    assert np.mean(out == np.trunc(expected)) > 0.99
+
+
+def test_color_variance_knows_what_says_nothing():
+    rng = np.random.default_rng(4)
+    s = rng.choice([0, 0.5, 3, 40, 300], SHAPE).astype(F4)
+    peak = rng.choice([-1, 10, 253, 255], SHAPE).astype(F4)
+    out = np.empty(SHAPE, F4)
+    kernels.color_variance(s, peak, F4(253), *surface.NOISE, out)
+    expected = naive.color_variance(s, peak, 253, *map(float, surface.NOISE))
+    np.testing.assert_allclose(out, expected, rtol=1e-5)
+    assert (out[(peak < 0) | (peak >= 253) | (s == 0)] == kernels.FLAT).all()
+
+
+def coarse_pair(seed, rows=5, columns=9):
+    """Return left and right coarse colors (u, v, trust), int16."""
+    rng = np.random.default_rng(seed)
+    return [np.stack([rng.integers(-128, 128, (rows, columns)),
+                      rng.integers(-128, 128, (rows, columns)),
+                      rng.integers(0, 17, (rows, columns))]).astype(I2) for _ in range(2)]
+
+
+def compiled_volume(left, right, first, depth):
+    """Return the cost volume of the kernel."""
+    rows, columns = left.shape[1:]
+    margin = columns + abs(first) + depth
+    mirrored = np.zeros((3, rows, columns + 2 * margin), I2)
+    mirrored[:, :, margin:margin + columns] = right[:, :, ::-1]
+    search = surface.CoarseSearch
+    cost = np.empty((rows, columns, depth), I2)
+    kernels.cost_volume(*left, *mirrored, margin + columns - 1 + first, search.CAP,
+                        search.NEUTRAL, cost,
+                        np.empty((kernels.BANDS, 4, columns, depth), I2))
+    return cost
+
+
+@pytest.mark.parametrize('first, depth', [(0, 6), (-5, 7), (-20, 4)])
+def test_cost_volume_is_exact(first, depth):
+    left, right = coarse_pair(5)
+    search = surface.CoarseSearch
+    np.testing.assert_array_equal(
+        compiled_volume(left, right, first, depth),
+        naive.cost_volume(left, right, first, depth, int(search.CAP), int(search.NEUTRAL)))
+
+
+@pytest.mark.parametrize('small, large', [(60, 600), (0, 0), (600, 6000)])
+def test_semi_global_paths_are_exact(small, large):
+    cost = compiled_volume(*coarse_pair(6), -3, 6)
+    rows, columns, depth = cost.shape
+    total = np.empty(cost.shape, I2)
+    kernels.sgm_rows(cost, I2(small), I2(large), total,
+                     np.empty((kernels.BANDS, 2, depth + 2), I2))
+    expected = naive.sgm_rows(cost.astype(int), small, large)
+    np.testing.assert_array_equal(total, expected)
+    kernels.sgm_columns(cost, I2(small), I2(large), total,
+                        np.empty((2, columns, depth + 2), I2), np.empty(columns, I2))
+    expected += naive.sgm_columns(cost.astype(int), small, large)
+    np.testing.assert_array_equal(total, expected)
+
+
+@pytest.mark.parametrize('first, depth', [(-3, 7), (0, 1), (2, 5)])
+def test_winners_are_consistent_from_left_to_right(first, depth):
+    total = np.random.default_rng(7).integers(0, 30, (6, 17, depth)).astype(I2)
+    disparity = np.empty((6, 17), F4)
+    kernels.winners(total, first, disparity, np.empty((kernels.BANDS, 2, 17), np.int32))
+    expected = naive.winners(total.astype(int), first)
+    np.testing.assert_allclose(disparity, expected, atol=1e-5)
+    assert np.isfinite(disparity).any()
+
+
+def test_the_largest_path_costs_leave_room_for_the_disparity():
+    # four paths, each at most nine capped pixels and the largest penalty that settings allow
+    largest = 4 * (9 * int(surface.CoarseSearch.CAP) + 10 * surface.CoarseSearch.LARGE_STEP)
+    assert largest < 2 ** 15
+    total = np.full((1, 5, 3), largest, I2)
+    total[..., 1] -= 1
+    disparity = np.empty((1, 5), F4)
+    kernels.winners(total, -1, disparity, np.empty((kernels.BANDS, 2, 5), np.int32))
+    np.testing.assert_array_equal(disparity, 0)
+
+
+@pytest.mark.parametrize('factor', [2, 4])
+def test_coarse_disparities_seed_planes(factor):
+    rng = np.random.default_rng(8)
+    coarse = rng.normal(0, 3, (ROWS // factor, COLUMNS // factor)).astype(F4)
+    coarse[rng.random(coarse.shape) < 0.2] = np.nan
+    out = unknown(3)
+    kernels.seed_planes(coarse, factor, F4(-0.5), ROWS, COLUMNS, *out)
+    expected = naive.seed_planes(coarse.astype(float), factor, -0.5, ROWS, COLUMNS)
+    np.testing.assert_allclose(out[:, *INNER], expected, rtol=1e-4, atol=1e-4)
+    assert np.isnan(out[0, :PAD]).all()
+
+
+def compiled_linearize(left, right, d, tiles):
+    """Return weight, moment and misfit of the kernel, NaN outside the tiles."""
+    out = unknown(3)
+    kernels.linearize(*left, *right, MATRIX, d, tiles, surface.ROBUST, F4(1.7), F4(3.0), *out)
+    return out
+
+
+@pytest.mark.parametrize('tiles', [TILES, TILES[1:3]])
+def test_linearization_is_the_derivative_of_the_misfit(tiles):
+    left, right = views(9)
+    d = planes(10)[0]
+    expected = naive.linearize(left.astype(float), right.astype(float), MATRIX.astype(float), d,
+                               tiles, float(surface.ROBUST), 1.7, 3.0)
+    found = compiled_linearize(left, right, d, tiles)
+    assert np.count_nonzero(found[0] > 0) > 100
+    np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-3)
+
+
+def test_one_step_from_the_linearization_recovers_a_disparity():
+    rng = np.random.default_rng(11)
+    phase = rng.uniform(0, 6, (SHAPE[0], 1))
+    right, left = np.zeros((3, SHAPE[0], WIDTH), F4), np.zeros((3, *SHAPE), F4)
+    right[2], left[2] = 1e-3, 1e-3
+    place = 2 * (np.arange(SHAPE[1]) - PAD) - 7.3
+    for channel, wave in enumerate((np.sin, np.cos)):
+        right[channel] = wave(phase + 0.3 * np.arange(WIDTH))
+        left[channel] = wave(phase + 0.3 * place)
+    d = np.full(SHAPE, 7.0, F4)
+    weight, moment, _ = unknown(3)
+    kernels.linearize(*left, *right, np.eye(2, 3, dtype=F4), d, TILES, surface.ROBUST, F4(1),
+                      F4(3), weight, moment, unknown(1)[0])
+    inside = weight > 0
+    np.testing.assert_allclose(3 + moment[inside] / weight[inside], 7.3, atol=0.02)
+
+
+def fit_inputs(seed):
+    """Return weight, moment and planes as a linearization leaves them."""
+    left, right = views(seed)
+    shape = planes(seed + 1)
+    weight, moment, _ = compiled_linearize(left, right, shape[0], TILES)
+    weight[:, -kernels.TILE_COLUMNS - PAD:] *= np.random.default_rng(seed).random() < 2
+    return weight, moment, shape
+
+
+@pytest.mark.parametrize('gate, ridge', [(0.8, 0.5), (3.0, 1e6)])
+def test_planes_are_weighted_least_squares(gate, ridge):
+    weight, moment, shape = fit_inputs(12)
+    weight[np.isnan(weight)], moment[np.isnan(moment)] = 0, 0
+    smooth = np.arange(len(TILES)) % 2 == 0
+    out = unknown(4)
+    kernels.fit_planes(weight, moment, *shape, TILES, smooth, F4(gate), F4(ridge),
+                       surface.STEEPEST, F4(3), *out)
+    expected = naive.fit_planes(weight.astype(float), moment.astype(float), shape.astype(float),
+                                TILES, smooth, gate, ridge, float(surface.STEEPEST), 3.0)
+    np.testing.assert_allclose(out[:3], expected[:3], rtol=1e-3, atol=3e-3)
+    same = np.isfinite(out[3]) == np.isfinite(expected[3])
+    assert same[PAD:-PAD, PAD:-PAD].mean() > 0.99  # hardly more signal than noise
+    both = np.isfinite(out[3]) & np.isfinite(expected[3])
+    assert both.sum() > 100
+    np.testing.assert_allclose(np.median(out[3][both] / expected[3][both]), 1, atol=1e-4)
+
+
+def test_tiles_without_information_keep_their_planes():
+    shape = planes(13)
+    out = unknown(4)
+    kernels.fit_planes(np.zeros(SHAPE, F4), np.zeros(SHAPE, F4), *shape, TILES,
+                       np.zeros(len(TILES), bool), F4(1), F4(0.5), surface.STEEPEST, F4(0), *out)
+    np.testing.assert_array_equal(out[:3, *INNER], shape[:, *INNER])
+    assert np.isinf(out[3][INNER]).all()
+
+
+@pytest.mark.parametrize('seed, change', [
+    (14, 'nothing'), (15, 'jump'), (16, 'hole'), (17, 'misfit'), (18, 'dark'), (19, 'dark jump')])
+def test_smooth_tiles_hold_one_surface(seed, change):
+    row, column = np.mgrid[:SHAPE[0], :SHAPE[1]]
+    shape = np.stack([0.1 * row - 0.2 * column, np.full(SHAPE, -0.2), np.full(SHAPE, 0.1)]).astype(F4)
+    misfit = np.random.default_rng(seed).uniform(0, 2, SHAPE).astype(F4)
+    variance = np.full(SHAPE, 0.01, F4)
+    where = np.s_[PAD + 3:PAD + 6, PAD + 4:PAD + 7]
+    if 'jump' in change:
+        shape[0][where] += 5
+    if change == 'hole':
+        shape[0][where] = np.nan
+    if change == 'misfit':
+        misfit[PAD:PAD + 8] = np.nan
+    if 'dark' in change:
+        variance[PAD + 1:PAD + 8, PAD + 2:PAD + 9] = kernels.FLAT
+    smooth = np.empty(len(TILES), bool)
+    kernels.find_smooth_tiles(*shape, misfit, variance, TILES, 2, F4(1), surface.SMOOTH_MISFIT,
+                              smooth)
+    expected = naive.find_smooth_tiles(shape.astype(float), misfit, variance, TILES, 2, 1.0,
+                                       float(surface.SMOOTH_MISFIT))
+    np.testing.assert_array_equal(smooth, expected)
+    assert smooth[0] == (change in ('nothing', 'dark', 'dark jump'))
+
+
+@pytest.mark.parametrize('step, tiles', [(1, TILES), (4, TILES[:1]), (2, TILES[2:])])
+def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles):
+    left, right = views(20)
+    shape = planes(21, unknown_share=0.15)
+    out = unknown(4)
+    kernels.propagate(*left, *right, MATRIX, F4(1.3), surface.TRUNCATION, surface.INERTIA, *shape,
+                      tiles, step, *out)
+    expected = naive.propagate(left.astype(float), right.astype(float), MATRIX.astype(float), 1.3,
+                               float(surface.TRUNCATION), float(surface.INERTIA), shape, tiles,
+                               step)
+    np.testing.assert_allclose(out[3], expected[3], rtol=1e-3, atol=1e-3)
+    same = np.isclose(out[:3], expected[:3], rtol=1e-4, atol=1e-4, equal_nan=True)
+    assert same.mean() > 0.998  # two planes may fit equally well to float32 rounding
+
+
+def test_tiles_far_from_any_plane_stay_unknown():
+    left, right = views(22)
+    out = np.zeros((4, *SHAPE), F4)
+    kernels.propagate(*left, *right, MATRIX, F4(1), surface.TRUNCATION, surface.INERTIA,
+                      *unknown(3), TILES, 2, *out)
+    assert np.isnan(out[0][INNER]).all()
+    assert (out[3][INNER] == surface.TRUNCATION).all()
+
+
+def judged(seed):
+    """Return what the kernel and the twin say about random planes: evidence and trust."""
+    rng = np.random.default_rng(seed)
+    shape = planes(seed)
+    cost, misfit = rng.gamma(1, 8, (2, *SHAPE)).astype(F4)
+    misfit[rng.random(SHAPE) < 0.1] = np.nan
+    variance = rng.choice([1e-3, 0.1, 4, np.inf], SHAPE).astype(F4)
+    color_variance = rng.choice([0.01, 0.2, kernels.FLAT], SHAPE).astype(F4)
+    evidence, trust = np.empty((ROWS, COLUMNS, 5), F4), np.zeros(SHAPE, F4)
+    kernels.judge(*shape, cost, misfit, variance, color_variance, ROWS, COLUMNS, surface.MODEL,
+                  evidence, trust)
+    expected = naive.judge(shape.astype(float), cost, misfit, variance.astype(float),
+                           color_variance, ROWS, COLUMNS, surface.MODEL.astype(float))
+    return (evidence, trust[INNER]), expected
+
+
+def test_trust_is_the_weighted_sum_of_the_evidence():
+    (evidence, trust), expected = judged(23)
+    np.testing.assert_allclose(evidence, expected[0], rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(trust, expected[1], rtol=1e-3, atol=5e-3)
+    assert (trust == kernels.UNKNOWN).any() and (trust > 0).any()
+
+
+@pytest.mark.parametrize('least_size', [2, 6, 40])
+def test_islands_are_the_small_connected_segments(least_size):
+    rng = np.random.default_rng(24)
+    shape = planes(24, unknown_share=0.0)
+    shape[0][INNER] += 4 * (rng.random((ROWS, COLUMNS)) < 0.2)
+    trust = framed(rng.normal(0.5, 1, (ROWS, COLUMNS)))
+    expected = naive.remove_islands(shape, trust, ROWS, COLUMNS, 1.0, least_size)
+    scratch = np.empty((2, ROWS * COLUMNS), np.int32)
+    kernels.remove_islands(*shape, trust, ROWS, COLUMNS, surface.CONTINUOUS, least_size, *scratch)
+    assert surface.CONTINUOUS == 1.0
+    np.testing.assert_array_equal(trust, expected)
+    assert (trust == kernels.ISLAND).any() and (trust > 0).any()
+
+
+def test_hidden_nodes_lie_behind_more_trusted_ones():
+    rng = np.random.default_rng(25)
+    shape = planes(25, unknown_share=0.1, jump=12.0)
+    trust = framed(rng.normal(0, 3, (ROWS, COLUMNS)), kernels.UNKNOWN)
+    trust[np.isnan(shape[0])] = kernels.UNKNOWN
+    hidden = np.zeros(SHAPE, bool)
+    kernels.find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, surface.SEPARATE, hidden,
+                        np.empty((kernels.BANDS, WIDTH), np.int32))
+    expected = naive.find_hidden(shape, trust, ROWS, COLUMNS, WIDTH, float(surface.SEPARATE))
+    assert hidden.any() and not hidden[INNER].all()
+    np.testing.assert_array_equal(hidden[INNER], expected)
+
+
+def test_every_reason_is_given_and_as_documented():
+    rng = np.random.default_rng(26)
+    d = framed(rng.choice([np.nan, -9, 0, 3, 8, 30], (ROWS, COLUMNS)))
+    variance = rng.choice([1e-3, 0.2], SHAPE).astype(F4)
+    evidence = rng.uniform(0, 1, (ROWS, COLUMNS, 5)).astype(F4)
+    cost = rng.choice([1, 0.9 * kernels.CEILING], SHAPE).astype(F4)
+    trust = rng.choice([-4, 0, 1.5, 4], SHAPE).astype(F4)
+    hidden = rng.random(SHAPE) < 0.3
+    peak = rng.choice([-1, 40, 40, 40, 255], SHAPE).astype(F4)
+    s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
+    std, confidence = np.zeros((2, *SHAPE), F4)
+    status = np.zeros(SHAPE, np.uint8)
+    rest = (np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, F4(0.4), surface.VAGUE)
+    kernels.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
+                   confidence, status)
+    expected = naive.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS,
+                            *rest)
+    np.testing.assert_allclose(std[INNER], expected[0], rtol=1e-4)
+    np.testing.assert_allclose(confidence[INNER], expected[1], rtol=1e-4)
+    np.testing.assert_array_equal(status[INNER], expected[2])
+    assert set(np.unique(status[INNER])) == {code.value for code in Status}
+
+
+def test_planes_are_evaluated_at_every_pixel():
+    rng = np.random.default_rng(27)
+    shape = planes(27)
+    std, confidence = rng.random((2, *SHAPE)).astype(F4)
+    status = rng.choice([0, 0, 4], SHAPE).astype(np.uint8)
+    status[np.isnan(shape[0])] = Status.NO_MATCH
+    size = 2 * ROWS + 1, 2 * COLUMNS + 1  # odd: the last pixels have no node of their own
+    limits = np.array([-3, 9], F4)
+    images, codes = np.empty((4, *size), F4), np.empty(size, np.uint8)
+    kernels.expand(*shape, std, confidence, status, ROWS, COLUMNS, limits, F4(40), F4(-20),
+                   *images, codes)
+    expected, expected_codes = naive.expand(shape, std, confidence, status, ROWS, COLUMNS, limits,
+                                            40.0, -20.0, size)
+    np.testing.assert_array_equal(codes, expected_codes)
+    np.testing.assert_allclose(images, expected, rtol=1e-5, atol=1e-5)
+    assert {Status.VALID, Status.OUT_OF_RANGE} < set(np.unique(codes))
+
+
+SCRIPT = """
+import numpy as np
+from color_stereo_ros.core import ColorStereo
+from surface_pairs import plane_pair, rig, surface_settings
+left, right = plane_pair(64, 48, 9.3, seed=3)
+left[20:24, 30:34] = 1
+result = ColorStereo(rig(64, 48), surface_settings(3, 24)).process(left, right)
+np.savez(OUT, disparity=result.disparity, status=result.status, std=result.disparity_std,
+         confidence=result.confidence)
+"""
+
+
+def test_kernels_give_the_same_without_the_compiler(tmp_path):
+    results = []
+    folder = Path(__file__).parent
+    for disabled in ('0', '1'):
+        out = tmp_path / f'{disabled}.npz'
+        subprocess.run(
+            [sys.executable, '-W', 'ignore', '-c', SCRIPT.replace('OUT', repr(str(out)))],
+            check=True, env={**os.environ, 'NUMBA_DISABLE_JIT': disabled,
+                             'PYTHONPATH': os.pathsep.join([str(folder.parent), str(folder)])})
+        results.append(np.load(out))
+    compiled, interpreted = results
+    known = np.isfinite(compiled['disparity'])
+    assert known.mean() > 0.3
+    # rounding may move single nodes over a threshold
+    assert np.mean(compiled['status'] == interpreted['status']) > 0.99
+    known &= np.isfinite(interpreted['disparity'])
+    for name, tolerance in (('disparity', 2e-3), ('std', 2e-3), ('confidence', 2e-2)):
+        difference = np.abs(compiled[name] - interpreted[name])[known]
+        assert np.percentile(difference, 99) < tolerance, name
