@@ -42,6 +42,29 @@ def project_pattern(stack, level, column, row, weight, pixel, image):
             image[pixel[i], c] += weight[i, c] * near
 
 
+@njit(cache=True, nogil=True)
+def accumulate(values, pixel, total, count):
+    """
+    Sum the samples of every pixel and count them.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, float32, shape (N, C)
+    pixel : numpy.ndarray, int32, shape (N,)
+        Flat index of the pixel, -1 = none.
+    total : numpy.ndarray, float64, shape (P, C)
+        Written.
+    count : numpy.ndarray, int64, shape (P,)
+        Written.
+
+    """
+    for i in range(pixel.size):
+        if pixel[i] >= 0:
+            count[pixel[i]] += 1
+            for c in range(values.shape[1]):
+                total[pixel[i], c] += values[i, c]
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def smooth_on_surfaces(light, normal, position, radius, spread, result):
     """

@@ -38,8 +38,9 @@ class Pose:
 
     def to_child(self, points):
         """Return points (..., 3) of the parent frame in the child frame."""
-        return np.ascontiguousarray(points, np.float64) @ self.rotation - (
-            self.position @ self.rotation)
+        # einsum: millions of 3-vectors are no work for the threads of a BLAS
+        return np.einsum('...i,ij->...j', np.asarray(points, np.float64) - self.position,
+                         self.rotation)
 
     def inverse(self):
         """Return the pose of the parent in the child frame."""

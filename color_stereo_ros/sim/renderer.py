@@ -16,8 +16,7 @@ from .transport import direct_image, DirectLight, indirect_image, sample_direct,
 from .truth import find_truth, Truth
 
 CACHE_VERSION = 4  # raised when the meaning of cached files changes
-SAMPLES = 4           # of direct light per pixel along either axis
-INDIRECT_SAMPLES = 2  # likewise, at most: bounced light is smooth and smoothed
+SAMPLES = 4        # per pixel along either axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,8 +148,8 @@ class Renderer:
     def _bounced(self, camera, light, pattern):
         return self._cached(
             f'bounced-{camera.name}-{_digest(pattern)}', _Image,
-            lambda: _Image(indirect_image(self.world, light, camera, pattern,
-                                          min(self.samples, INDIRECT_SAMPLES), _seed_of(camera)))).pixels
+            lambda: _Image(indirect_image(self.world, light, camera, pattern, self.samples,
+                                          _seed_of(camera)))).pixels
 
     def _cached(self, name, kind, compute):
         """Return a dataclass of arrays from the cache folder, or compute and keep it."""

@@ -14,7 +14,7 @@ import tempfile
 
 import numpy as np
 
-from ._kernels import project_pattern, smooth_on_surfaces
+from ._kernels import accumulate, project_pattern, smooth_on_surfaces
 from .geometry import distort, undistort
 from .materials import bsdf
 from .projection import pattern_light, pattern_stack, projector_coordinates
@@ -25,6 +25,7 @@ from .variant import load_mitsuba
 SCENE = {'type': 'scene', 'embree_use_robust_intersections': True}
 SMOOTHING_RADIUS = 6      # px, window of the indirect light
 SMOOTHING_SPREAD = 0.002  # m from the tangent plane
+SMOOTH_SAMPLES = 2        # per pixel along either axis, at most, of light that is smoothed
 FIREFLY_LIMIT = 8.0       # indirect light of one sample, times the mean direct light
 
 
@@ -163,11 +164,11 @@ def pixel_index(camera, rays):
 
 
 def _averaged(values, pixel, camera):
-    """Return the mean of the samples (N, C) of every pixel, float64 (H * W, C)."""
-    count = np.bincount(pixel, minlength=camera.width * camera.height)
-    total = np.stack([np.bincount(pixel, values[:, channel], count.size)
-                      for channel in range(values.shape[1])], axis=-1)
-    return total / np.maximum(count, 1)[:, None]
+    """Return the mean of the samples (N, C) of every pixel, and their number (H * W,)."""
+    total = np.zeros((camera.width * camera.height, values.shape[1]))
+    count = np.zeros(len(total), np.int64)
+    accumulate(values, pixel, total, count)
+    return total / np.maximum(count, 1)[:, None], count
 
 
 def _render(world, lit, view, pose, integrator, seed):
@@ -207,35 +208,34 @@ def sample_direct(world, camera, samples, seed, with_ambient):
     local = camera.pose.to_child(position[hit].astype(np.float64))
     rays[hit] = local[:, :2] / local[:, 2:]
     pixel = pixel_index(camera, rays)
-    seen = pixel >= 0
-    surfaces = _averaged(np.column_stack([albedo, normal, position])[seen], pixel[seen], camera)
+    surfaces, count = _averaged(np.concatenate([albedo, normal, position], axis=1), pixel, camera)
     surfaces = surfaces.reshape(*camera.shape, 9).astype(np.float32)
-    count = np.bincount(pixel[seen], minlength=camera.width * camera.height)
-    column, row, depth, falloff = projector_coordinates(world.scene.rig.projector, position)
-    lit = seen & hit & (falloff > 0) & (radiance.max(axis=1) > 0) & (np.abs(column - 0.5) <= 0.5)
-    share = (falloff / np.maximum(count[np.maximum(pixel, 0)], 1))[lit]
+    lit = np.flatnonzero((pixel >= 0) & hit & (radiance.max(axis=1) > 0))
+    column, row, depth, falloff = projector_coordinates(world.scene.rig.projector, position[lit])
+    ahead = (falloff > 0) & (np.abs(column - 0.5) <= 0.5)
+    lit, column, row, depth, falloff = (
+        values[ahead] for values in (lit, column, row, depth, falloff))
+    weight = radiance[lit] * (falloff / count[pixel[lit]])[:, None]
     return DirectLight(
-        column=column[lit].astype(np.float32), row=row[lit].astype(np.float32),
-        depth=depth[lit].astype(np.float32),
-        weight=(radiance[lit] * share[:, None]).astype(np.float32), pixel=pixel[lit],
+        column=column.astype(np.float32), row=row.astype(np.float32),
+        depth=depth.astype(np.float32), weight=weight.astype(np.float32), pixel=pixel[lit],
         albedo=surfaces[..., :3], normal=surfaces[..., 3:6], position=surfaces[..., 6:],
-        ambient=_ambient(world, camera, view, pixel, seed, surfaces) if with_ambient
+        ambient=_ambient(world, camera, samples, seed, surfaces) if with_ambient
         else np.empty(0, np.float32))
 
 
-def _ambient(world, camera, view, pixel, seed, surfaces):
+def _ambient(world, camera, samples, seed, surfaces):
     """Return the radiance that uniform surroundings of radiance 1 cause, float32 (H, W, 3)."""
+    view = View.of(camera, min(samples, SMOOTH_SAMPLES))
     lit = world.lit_by({'type': 'constant', 'radiance': {'type': 'rgb', 'value': 1.0}})
     values = _render(world, lit, view, camera.pose, {
         'type': 'path', 'max_depth': world.scene.bounces + 1, 'hide_emitters': True}, seed + 1)
-    return _on_surfaces(values[:, :3], pixel, camera, surfaces)
+    return _on_surfaces(values[:, :3], pixel_index(camera, view.centers()), camera, surfaces)
 
 
 def _on_surfaces(radiance, pixel, camera, surfaces):
     """Average samples over pixels and smooth them along surfaces, texture apart."""
-    seen = pixel >= 0
-    image = _averaged(radiance[seen].astype(np.float64), pixel[seen], camera)
-    image = image.reshape(*camera.shape, 3)
+    image = _averaged(radiance, pixel, camera)[0].reshape(*camera.shape, 3)
     albedo = np.maximum(surfaces[..., :3], 0.02)
     light = np.where(surfaces[..., 3:6].any(axis=-1, keepdims=True), image / albedo, 0)
     smooth = np.empty(light.shape, np.float32)
@@ -292,7 +292,7 @@ def indirect_image(world, light, camera, pattern, samples, seed):
     radiance : numpy.ndarray, float64, shape (H, W, 3)
 
     """
-    view = View.of(camera, samples)
+    view = View.of(camera, min(samples, SMOOTH_SAMPLES))
     lit = world.lit_by(world.pattern_projector(
         pattern_light(world.scene.rig.projector, pattern)))
     values = _render(world, lit, view, camera.pose, {
