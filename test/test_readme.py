@@ -65,6 +65,11 @@ def test_every_link_inside_the_repository_leads_somewhere(path):
             assert (path.parent / target).exists(), target
 
 
+def test_the_index_of_the_manual_lists_every_page():
+    pages = {path.name for path in (ROOT / 'docs').glob('*.md')} - {'index.md'}
+    assert pages == set(re.findall(r'\]\((\w+\.md)\)', (ROOT / 'docs/index.md').read_text()))
+
+
 def test_the_example_of_the_library_runs(tmp_path, monkeypatch):
     import numpy as np
 
