@@ -26,15 +26,18 @@ def test_every_number_has_a_range_and_a_default_inside():
         assert meta['minimum'] <= default <= meta['maximum'], name
 
 
-def test_every_number_has_a_unit_or_is_a_plain_number():
-    for name, _, meta in NUMBERS:
-        assert bool(meta['unit']) != (name in WITHOUT_UNIT or plain_number(meta)), name
+def test_units_are_those_of_the_documentation():
+    assert {meta['unit'] for _, _, meta in DESCRIBED} <= {'', 'px', 'm', 'DN', 's'}
 
 
-def plain_number(meta):
-    """Return whether a description calls its setting a share or a count."""
-    return not meta['unit'] and any(word in meta['description'] for word in (
-        'share', 'number of', 'factor', 'iterations', 'level'))
+def test_lengths_and_signals_have_units():
+    units = {name: meta['unit'] for name, _, meta in DESCRIBED}
+    for name in ('range.min_depth', 'range.max_depth'):
+        assert units[name] == 'm'
+    for name in ('color.dark_level', 'color.min_signal', 'color.saturation_level'):
+        assert units[name] == 'DN'
+    for name in ('matching.window_width', 'matching.local_limit', 'pattern.feature_size'):
+        assert units[name] == 'px'
 
 
 def test_every_text_has_choices_with_the_default_among_them():
