@@ -85,7 +85,7 @@ def restore(rig):
 
 def assert_good(rig):
     """Send good pairs until the calibration is taken, and then one that must be right."""
-    rig.send_infos()
+    rig.send_pair()
     rig.diagnose(lambda p: p['calibration'].message == 'calibrated', 'calibrated')
     assert bytes(rig.good_pair(DEPTH).data) == rig.truth
 
@@ -321,6 +321,15 @@ def test_a_suspicious_frame_is_warned_of_but_used(rig, frame, words):
     assert_told(rig, 'calibration', DiagnosticStatus.WARN, words)
     stamp = rig.send_pair(infos=False)
     rig.await_output(DEPTH, stamp)
+
+
+def test_an_image_with_another_frame_than_its_calibration_is_warned_of_but_used(rig):
+    msg = image_message(rig.images['left'])
+    msg.header.frame_id = 'somewhere_optical'
+    output = rig.await_output(DEPTH, rig.send_pair(left=msg))
+    assert output.header.frame_id == 'somewhere_optical'
+    assert_told(rig, 'calibration', DiagnosticStatus.WARN, "frame_id 'somewhere_optical', left "
+                "camera_info 'left_camera_optical_frame'")
 
 
 # ---- stamps

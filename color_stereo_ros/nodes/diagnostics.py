@@ -109,8 +109,9 @@ def _calibration(sensor):
     values |= {'size (px)': f'{geometry.width} x {geometry.height}',
                'focal length (px)': geometry.focal_x, 'baseline (m)': geometry.baseline,
                'cx left - cx right (px)': geometry.principal_offset}
-    if watch.warnings:
-        return WARN, '; '.join(watch.warnings), values
+    warnings = [*watch.warnings, *filter(None, [sensor.inputs.frame_warning])]
+    if warnings:
+        return WARN, '; '.join(warnings), values
     return OK, 'calibrated', values
 
 

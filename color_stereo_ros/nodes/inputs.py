@@ -110,6 +110,8 @@ class StereoInputs:
         """Images that were refused, by side."""
         self.refusals = dict.fromkeys(SIDES)
         """Why the latest image was refused, or None if it was not, by side."""
+        self.frame_warning = None
+        """How the frames of left image and left camera_info differ, or None."""
         self.zero_stamps = False
         """The latest image had a stamp of zero."""
         self.subscriptions = [self._subscribe(parameters, side, kind)
@@ -130,15 +132,26 @@ class StereoInputs:
             self._complain(self.refusals[side])
             return
         self.refusals[side] = None
-        self._look_at_stamp(side, msg)
+        self._look_at_header(side, msg)
         pair = self.synchronizer.add(side, stamp_ns(msg.header), msg)
         if pair is not None:
             self._on_pair(pair)
 
-    def _look_at_stamp(self, side, msg):
+    def _look_at_header(self, side, msg):
         self.zero_stamps = stamp_ns(msg.header) == 0
         if self.zero_stamps:
             self._warn(f'{side} image has a stamp of zero: pairs cannot be told apart')
+        if side == 'left':
+            self._look_at_frame(msg.header.frame_id)
+
+    def _look_at_frame(self, frame):
+        calibrated = self.calibration.frame_id
+        self.frame_warning = None
+        if calibrated is not None and frame != calibrated:
+            self.frame_warning = (
+                f'left image has frame_id {frame!r}, left camera_info {calibrated!r}: the outputs '
+                'carry that of the image')
+            self._warn(self.frame_warning)
 
     def configure(self, sync):
         """Take new sync.* settings."""
