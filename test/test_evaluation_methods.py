@@ -7,6 +7,7 @@ from scenes import SCENES
 
 from color_stereo_ros.core import RangeSettings, RectifiedGeometry, RectifiedPair, SettingsError
 from color_stereo_ros.core import Settings, Status
+from color_stereo_ros.core._surface_kernels import SPAN
 from color_stereo_ros.evaluation import ablation, datasets, methods, opencv_matchers
 from color_stereo_ros.evaluation.metrics import accuracy
 
@@ -98,6 +99,12 @@ def test_the_window_of_the_papers_method_grows_with_its_smoothing():
                                    'color.smoothing': 1.0})
     window = methods.window_of('paper', settings)
     assert (window.width, window.height, window.surface) == (11, 3, 'constant')
+
+
+def test_the_window_of_the_surface_method_counts_nodes_of_two_pixels():
+    window = methods.window_of('surface', Settings())
+    assert window.width == window.height == 2 * SPAN + 1
+    assert window.surface == 'plane'
 
 
 def test_switches_come_from_the_settings_and_switch_something_off():

@@ -16,7 +16,7 @@ from ..core.color import ColorCorrection
 from ..core.false_color import false_color
 from ..core.triangulation import disparity_from_depth
 from .methods import evaluate
-from .renders import as_scene, default_pattern, paper_pattern, Renders
+from .renders import as_scene, default_pattern, paper_pattern
 
 TABLE_31 = {250: 1.5, 300: 2.3, 350: 2.0, 400: 1.9, 450: 3.0, 500: 2.6, 550: 4.0}
 """The paper's table 3.1: distance of a white reflector, mm, and mean absolute error, mm."""

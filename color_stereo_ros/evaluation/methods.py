@@ -6,6 +6,7 @@ import time
 
 from ..core import ColorStereo, MatchingSettings, RangeResult, RectifiedPair, Settings
 from ..core import SettingsError
+from ..core._surface_kernels import SPAN
 from ..core.rectification import Rectifier
 from ..core.settings import suggestion
 from . import opencv_matchers
@@ -121,7 +122,7 @@ def evaluate(scene, method, values=None, repeats=REPEATS):
 
 def compared_with_noise(run, scene):
     """
-    Return how far a run is from the noise limit over its window.
+    Return how far a run is from the noise limit.
 
     Parameters
     ----------
@@ -131,18 +132,23 @@ def compared_with_noise(run, scene):
     Returns
     -------
     figures : dict
-        `camera` and `pair`: those of `noise_limit.compare` for the known noise of the cameras
-        (None if it is not known) and for the noise measured in the pair, demosaicing included;
-        `best`: the first of the two that is there; and the window.
+        `window`: the one that the method uses. `camera` and `pair`: those of
+        `noise_limit.compare` over that window for the known noise of the cameras (None if it is
+        not known) and for the noise measured in the pair, demosaicing included; `best`: the first
+        of the two that is there. `common`: like `best` over a 9 x 9 plane, the same for all.
 
     """
     window = window_of(run.method, run.settings)
     measured = (measured_noise(run.pair, scene.truth),) * 2
-    figures = {'window': asdict(window)}
-    for name, noise in (('camera', scene.noise), ('pair', measured)):
-        figures[name] = compare(run.result, scene.truth, noise_limit(
-            run.pair, scene.truth, *noise, window)) if noise else None
+
+    def over(window, noise):
+        return compare(run.result, scene.truth,
+                       noise_limit(run.pair, scene.truth, *noise, window)) if noise else None
+
+    figures = {'window': asdict(window), 'camera': over(window, scene.noise),
+               'pair': over(window, measured)}
     figures['best'] = figures['camera'] or figures['pair']
+    figures['common'] = over(Window(), scene.noise or measured)
     return figures
 
 
@@ -150,13 +156,15 @@ def window_of(method, settings):
     """
     Return the window over which a method decides a disparity.
 
-    The paper's smoothing widens its window by its standard deviation on either side. StereoSGBM
-    and 3WAY carry their decision beyond their 5 x 5 block, along paths; they are measured against
-    the same 9 x 9 plane as the surface method.
+    The paper's smoothing widens its window by its standard deviation on either side; the surface
+    method's window is counted in nodes of 2 x 2 pixels. StereoSGBM and 3WAY carry their decision
+    beyond their 5 x 5 block, along paths; they are measured against a 9 x 9 plane.
 
     """
     if method == 'paper':
         wider = 2 * round(settings.color.smoothing)
         return Window(settings.matching.window_width + wider,
                       settings.matching.window_height + wider, 'constant')
+    if method == 'surface':
+        return Window(2 * SPAN + 1, 2 * SPAN + 1)
     return Window(15, 15, 'constant') if method == 'bm' else Window()

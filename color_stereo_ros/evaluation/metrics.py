@@ -24,8 +24,8 @@ LOCKING_ORDER = 3
 
 LOCKING_BINS = 20
 
-LOCKING_PIXELS = 300
-"""Fewest pixels of a bin."""
+LOCKING_SHARE = 0.005
+"""Fewest pixels of a bin, share of all pixels: neighbors err alike, few tell nothing."""
 
 LEFT_OUT = 0.25
 """No point this close to its plane is left out, px."""
@@ -273,7 +273,7 @@ def pixel_locking(result, truth):
     -------
     figures : dict or None
         `peak_to_peak_px`, `fraction` (20 values 0..1) and `mean_px`, the curve itself; None
-        unless all fractions occur.
+        unless all fractions occur often.
 
     """
     true = disparity_from_depth(truth.depth.astype(np.float64), result.geometry)
@@ -281,7 +281,7 @@ def pixel_locking(result, truth):
     mask = (truth.visible & np.isfinite(errors) & (np.abs(errors) < 1)
             & ~depth_edges(truth, result.geometry))
     index = (np.mod(true[mask], 1.0) * LOCKING_BINS).astype(int) % LOCKING_BINS
-    if np.bincount(index, minlength=LOCKING_BINS).min() < LOCKING_PIXELS:
+    if np.bincount(index, minlength=LOCKING_BINS).min() < LOCKING_SHARE * true.size:
         return None
     errors = errors[mask]
     means = np.array([_trimmed_mean(errors[index == i]) for i in range(LOCKING_BINS)])
