@@ -131,7 +131,7 @@ class Demo:
     def _wait(self, node, processes, name, condition, collector, patterns):
         if spin_until(node, condition, min(NOTE_AFTER, self.wait), processes.check):
             return
-        self._say(f'{name}: range_node is getting ready (once per machine it compiles its kernels)')
+        self._say(f'{name}: range_node is getting ready (once, it compiles its kernels)')
         if spin_until(node, condition, self.wait - NOTE_AFTER, processes.check):
             return
         missing = [topic for topic, count in collector.received.items() if not count]
