@@ -125,8 +125,8 @@ KINDER = (
     'The simulated rig is kinder than reality: its calibration is exact, its projector stands '
     'still and has no lens distortion and no chromatic aberration, the two cameras are of one '
     'type and take their images at the same instant, the office light is steady, and the response '
-    'of the cameras is linear. It is as hard in noise (6 % of the signal at every pixel of a Bayer '
-    'mosaic), in bounced light, in gloss, and in weak blue.')
+    'of the cameras is linear. It is as hard in noise (6 % of the signal at every pixel of a '
+    'Bayer mosaic), in bounced light, in gloss, and in weak blue.')
 
 
 class Page:
