@@ -361,8 +361,8 @@ def judge(winner, costs, reason, right, first, count, low, high, tolerance, uniq
     Turn winners into disparities, or into the reason why there is none.
 
     Reads winner (H, W, 2) and costs (H, W, 4) of the search, the number of independent pixels in
-    a window and the limits of the disparity; writes disparity, deviation (its standard deviation) and confidence
-    (H, W), and status (H, W), the codes of Status.
+    a window and the limits of the disparity; writes disparity, deviation (its standard
+    deviation) and confidence (H, W), and status (H, W), the codes of Status.
 
     """
     height, width = status.shape
