@@ -95,8 +95,8 @@ def test_the_mosaic_shows_the_named_color_at_each_of_the_four_places(layout):
 @pytest.mark.parametrize('demosaicing', ['bilinear', 'edge_aware'])
 def test_demosaicing_restores_a_uniform_color(layout, demosaicing):
     image = expose(flat([0.8, 0.4, 0.2]), camera(bayer=layout, demosaicing=demosaicing), 1.0, 0)
-    np.testing.assert_allclose(image[2:-2, 2:-2].reshape(-1, 3), [[204, 102, 51]] * (SIZE - 4) ** 2,
-                               atol=1)
+    inner = image[2:-2, 2:-2].astype(int)
+    assert np.abs(inner - (204, 102, 51)).max() <= 1
 
 
 def test_shot_noise_grows_with_the_root_of_the_light():

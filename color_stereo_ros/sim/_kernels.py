@@ -2,7 +2,6 @@
 """Inner loops of the simulated rig: pattern look-up and edge-aware smoothing."""
 
 from numba import njit, prange
-import numpy as np
 
 
 @njit(cache=True, nogil=True)

@@ -140,7 +140,7 @@ def _wire_grid(mitsuba, form):
     return wires
 
 
-def revolved_mesh(profile, sides, inner_sides=None):
+def revolved_mesh(profile, sides):
     """
     Return the mesh of a profile that turns about the z axis.
 

@@ -21,7 +21,8 @@ def add_arguments(parser):
                         'pattern instead')
     parser.add_argument('--pattern', metavar='FILE', help='image that the projector throws; '
                         'default: the pattern of the settings below')
-    parser.add_argument('--rig', metavar='RIG', help="instead of the scene's own: name or YAML file")
+    parser.add_argument('--rig', metavar='RIG',
+                        help="name or YAML file, instead of the scene's own")
     parser.add_argument('--ambient', type=float, metavar='X',
                         help='radiance of the surroundings; a white card in the light of the '
                         'projector has about 2 at 0.35 m')
