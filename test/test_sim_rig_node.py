@@ -123,6 +123,7 @@ def test_a_scene_that_does_not_exist_is_refused_with_the_nearest_name(rig):
 
 
 def test_the_node_answers_while_it_renders(rig, sim_node):
+    assert rig.get_parameter('sim.samples') == 2  # from now on the services are known here
     since = len(sim_node.text())
     assert rig.set_parameters(sim__samples=6).successful
     assert rig.get_parameter('sim.samples') == 6
