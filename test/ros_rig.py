@@ -39,7 +39,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SIZE = WIDTH, HEIGHT = 64, 48
 DISPARITY = 10
 DEPTH = 60.0 * 0.06 / DISPARITY
-PATIENCE = 15.0
+PATIENCE = 60.0
 """s until a test gives up; nothing depends on how fast things are."""
 PAPER = {'matching.method': 'paper', 'range.min_depth': 0.25, 'range.max_depth': 0.8,
          'color.smoothing': 0.0}
