@@ -67,9 +67,13 @@ class Processes:
                 raise LiveError(f'{name} ended with status {process.returncode}; it said:\n'
                                 f'{self.log_tail(name)}')
 
+    def log(self, name):
+        """Return all that a process wrote."""
+        return self._log(name).read_text(errors='replace')
+
     def log_tail(self, name):
         """Return the last lines that a process wrote."""
-        lines = self._log(name).read_text(errors='replace').splitlines()
+        lines = self.log(name).splitlines()
         return '\n'.join(f'    {line}' for line in lines[-TAIL:]) or '    (nothing)'
 
     def stop_all(self):
