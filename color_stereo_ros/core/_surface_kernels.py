@@ -31,7 +31,6 @@ TILE_ROWS = 8
 TILE_COLUMNS = 32
 RADIUS = 4  # of the least-squares window, nodes
 SPAN = 2 * RADIUS + 1
-NOISE_WEIGHT = F4(0.7)  # of a node that shows nothing but noise of unit misfit
 JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
 FLAT = F4(1.0)  # a chromaticity variance that carries no information
 NAN = F4(np.nan)
@@ -136,12 +135,13 @@ def sample_colors(box, index, frac_x, frac_y, stride, dark, gain, soft, u, v, s,
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_w):
+def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_s, out_w):
     """
     Average step_y x step_x nodes, from (top, left) on, into one coarse node, quantized to int16.
 
     Chromaticities are averaged as colors (weighted by brightness). out_u, out_v are in units of
-    1 / scale, out_w is the trust 0..16 that rises with brightness and is full at `knee`.
+    1 / scale, out_s (float32) is the mean brightness, out_w the trust 0..16 that rises with
+    brightness and is full at `knee`.
 
     """
     rows, columns = out_u.shape
@@ -163,11 +163,13 @@ def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, 
                 norm = scale / (sum_s + soft * count)
                 out_u[y, x] = I2(sum_u * norm)
                 out_v[y, x] = I2(sum_v * norm)
+                out_s[y, x] = sum_s / count
                 out_w[y, x] = I2(min(F4(16), F4(16) * sum_s / (knee * count)))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def cost_row(left_u, left_v, left_w, right_u, right_v, right_w, first, cap, neutral, out):
+def cost_row(left_u, left_v, left_t, left_w, right_u, right_v, right_t, right_w, first, cap,
+             neutral, out):
     """
     Matching costs of one coarse row, out int16 (w, D): SIMD over the disparity.
 
@@ -179,24 +181,27 @@ def cost_row(left_u, left_v, left_w, right_u, right_v, right_w, first, cap, neut
     for x in range(columns):
         lu = left_u[x]
         lv = left_v[x]
+        lt = left_t[x]
         lw = left_w[x]
         start = first - x
         ru = right_u[start:start + depth]
         rv = right_v[start:start + depth]
+        rt = right_t[start:start + depth]
         rw = right_w[start:start + depth]
         row = out[x]
         for d in range(depth):
             du = I2(lu - ru[d])
             dv = I2(lv - rv[d])
-            cost = I2(max(du, I2(-du)) + max(dv, I2(-dv)))
+            dt = I2(lt - rt[d])
+            cost = I2(I2(max(du, I2(-du)) + max(dv, I2(-dv))) + max(dt, I2(-dt)))
             cost = min(cost, cap)
             trust = min(lw, rw[d])
             row[d] = I2(neutral + ((I2(I2(cost - neutral) * trust)) >> I2(4)))
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def cost_volume(left_u, left_v, left_w, right_u, right_v, right_w, first, cap, neutral, cost,
-                scratch):
+def cost_volume(left_u, left_v, left_t, left_w, right_u, right_v, right_t, right_w, first, cap,
+                neutral, cost, scratch):
     """
     Fill cost (h, w, D), int16: costs summed over 3 x 3 coarse nodes (borders repeated).
 
@@ -210,8 +215,9 @@ def cost_volume(left_u, left_v, left_w, right_u, right_v, right_w, first, cap, n
         total = ring[3]
         for y in range(start - 1, stop + 1):
             source = min(max(y, 0), rows - 1)
-            cost_row(left_u[source], left_v[source], left_w[source], right_u[source],
-                     right_v[source], right_w[source], first, cap, neutral, ring[(y + 3) % 3])
+            cost_row(left_u[source], left_v[source], left_t[source], left_w[source],
+                     right_u[source], right_v[source], right_t[source], right_w[source], first,
+                     cap, neutral, ring[(y + 3) % 3])
             if y > start:
                 sum_rows(ring[0].reshape(-1), ring[1].reshape(-1), ring[2].reshape(-1),
                          total.reshape(-1))
@@ -345,7 +351,8 @@ def winners(total, first, disparity, scratch):
                 right = x - (first + at)
                 if 0 <= right < columns:
                     # cost and disparity in one number: the cheaper, then the nearer one wins
-                    best_right[right] = min(best_right[right], least * 4096 + 2048 - (first + at))
+                    bid = np.int32(least) * 4096 + 2048 - (first + at)
+                    best_right[right] = min(best_right[right], bid)
             for x in range(columns):
                 right = x - arg_left[x]
                 if 0 <= right < columns:
@@ -585,13 +592,14 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, row, sums):
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
-def solve_row(sums, d, a, b, ridge, steepest, reference, new_d, new_a, new_b, variance):
+def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, new_a, new_b,
+              variance):
     """
     Solve the 3 x 3 normal equations of one tile row for the planes (d, a, b).
 
     The slopes are held by a ridge of `ridge` times the zeroth moment towards their last value.
     variance is that of d at the center for noise of unit misfit; inf without information. Noise
-    has gradients, too: what they add to the weights, NOISE_WEIGHT a node, is no information.
+    has gradients, too: what they add to the weights, noise_weight a node, is no information.
 
     """
     for x in range(TILE_COLUMNS):
@@ -617,7 +625,7 @@ def solve_row(sums, d, a, b, ridge, steepest, reference, new_d, new_a, new_b, va
         new_d[x] = reference + solved if known else d[x]
         new_a[x] = slope_x if known else a[x]
         new_b[x] = slope_y if known else b[x]
-        signal = sums[0, x] - NOISE_WEIGHT * sums[9, x]
+        signal = sums[0, x] - noise_weight * sums[9, x]
         known = known & (signal > F4(0.02) * s0)
         variance[x] = (inverse + spread) * (s0 / signal) if known else F4(np.inf)
 
@@ -643,8 +651,8 @@ def copy_tile(d, a, b, top, left, new_d, new_a, new_b):
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, ridge, steepest, reference, new_d,
-               new_a, new_b, variance):
+def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, noise_weight, ridge, steepest,
+               reference, new_d, new_a, new_b, variance):
     """Least-squares planes of all nodes of some tiles; smooth (bool) says which need no gate."""
     for k in prange(BANDS):
         first, last = band(k, BANDS, tiles.shape[0])
@@ -665,8 +673,8 @@ def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, ridge, steepest, re
                     smooth_sums(weight, moment, y, left, columns_, sums)
                 else:
                     gated_sums(weight, moment, d, a, b, y, left, gate, row, sums)
-                solve_row(sums, d[y, left:right], a[y, left:right], b[y, left:right], ridge,
-                          steepest, reference, new_d[y, left:right], new_a[y, left:right],
+                solve_row(sums, d[y, left:right], a[y, left:right], b[y, left:right],
+                          noise_weight, ridge, steepest, reference, new_d[y, left:right], new_a[y, left:right],
                           new_b[y, left:right], variance[y, left:right])
 
 
@@ -985,8 +993,8 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
     Turn evidence into confidence, standard deviation and a reason where there is no range.
 
     limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes; below
-    least_odds a node has no range. vague (px): the standard deviation from which on the reason
-    is an ambiguous color. The standard deviation grows with the distance of the neighbors from
+    least_odds a node has no range. vague (px): the standard deviation of a plane from which on
+    the colors around a node are too uniform to tell. The standard deviation grows with the distance of the neighbors from
     the plane: there a plane is not what the surface is. status takes the codes of types.Status.
 
     """
@@ -1000,7 +1008,7 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
                 spread = math.sqrt(CORRELATED * variance[y, x] + apart * apart)
                 confidence[y, x] = F4(1) / (F4(1) + math.exp(-odds))
                 std[y, x] = spread
-                unsure = odds < least_odds
+                unsure = (odds < least_odds) | (variance[y, x] > vague * vague)
                 here = d[y, x]
                 if peak[y, x] < F4(0):
                     code = OUTSIDE_IMAGE

@@ -102,11 +102,12 @@ class ColorSettings(Group):
         4.0, 'smallest brightest channel above the dark level; below it a pixel counts as dark',
         unit='DN', minimum=0.0, maximum=255.0)
     equalize: bool = setting(
-        True, 'paper method: equalize the channels of each camera before anything else')
+        True, 'equalize the channels of the cameras before anything else')
     equalize_cameras: str = setting(
-        'automatic', 'paper method: separate: each camera has gains of its own; shared: two '
+        'automatic', 'separate: each camera has gains of its own; shared: two '
         'cameras of one type, the same gains for both (most precise); automatic: shared unless '
-        'they differ by more than a third', choices=('automatic', 'shared', 'separate'))
+        'they differ by more than a third (surface method: unless the pattern holds all hues '
+        'everywhere)', choices=('automatic', 'shared', 'separate'))
     zero_weakest: bool = setting(
         True, 'paper method: set the weakest component to zero (right for sweep, bright_sweep '
         'and hue_field, where one component is always zero)')
@@ -130,8 +131,11 @@ class MatchingSettings(Group):
         0.6, 'surface method: least probability of being right within 1 px; a larger value gives '
         'fewer and better ranges', minimum=0.0, maximum=1.0)
     smoothness: float = setting(
-        1.0, 'surface method: how much the coarse search dislikes steps of the disparity; '
-        '0 = each node for itself', minimum=0.0, maximum=10.0)
+        1.0, 'surface method: how much the coarse search dislikes steps of the disparity, as a '
+        'factor of what suits the pattern; 0 = each node for itself', minimum=0.0, maximum=10.0)
+    texture: float = setting(
+        1.0, 'surface method: how much the brightness of the surface counts beside its color in '
+        'the coarse search, as a factor of what suits the pattern', minimum=0.0, maximum=10.0)
     refinements: int = setting(
         3, 'surface method: rounds of least squares; 0 = coarse disparities only',
         minimum=0, maximum=10)

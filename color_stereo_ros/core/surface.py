@@ -14,9 +14,11 @@ live on the half grid carry the frame that `_surface_kernels` describes.
 
 """
 
+from dataclasses import dataclass
 import math
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 
 from . import _surface_kernels as kernels
@@ -27,6 +29,7 @@ from .types import Measurement
 F4 = np.float32
 SOFT = F4(3.0)      # DN: keeps the chromaticity of black finite
 NOISE = F4(6.0), F4(0.25), F4(0.0006)  # DN^2, DN, 1: a plausible camera; its scale is measured
+NOISE_WEIGHT = 0.15 # of a node that shows nothing but noise, measured on slow patterns
 QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
 ROBUST = F4(9.0)    # misfit at which a node counts half
 RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
@@ -38,7 +41,7 @@ INERTIA = F4(0.5)   # by how much another plane must fit better
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
 SMOOTH_MISFIT = F4(5.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
-VAGUE = F4(0.25)    # px: standard deviation that an ambiguous color explains
+VAGUE = F4(1.0)     # px: standard deviation of a plane that is too uncertain to publish
 # Log-odds of being right within 1 px: constant, then the weights of the evidence that
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([7.26, -1.13, -0.18, -2.85, -4.52, 0.64], F4)
@@ -73,7 +76,15 @@ class SurfaceMethod:
         self.left = View(calibration.left, rows, columns, 2, shape, rectified_input)
         self.right = View(calibration.right, rows, width - 1, 1, (shape[0], width),
                           rectified_input)
-        self.coarse = CoarseSearch(self.nodes, width, limits, settings.matching.smoothness)
+        prior = Prior.of(settings.pattern, width)
+        self.blur = prior.blur
+        cameras = settings.color.equalize_cameras
+        self.shared_gains = cameras == 'shared' or (
+            cameras == 'automatic' and settings.pattern.type not in APERIODIC)
+        self.noise_weight = F4(NOISE_WEIGHT / (1 + 2 * prior.blur) ** 2)
+        self.coarse = CoarseSearch(self.nodes, width, limits,
+                                   prior.smoothness * settings.matching.smoothness,
+                                   prior.texture * settings.matching.texture)
         self.tiles = tiles_of(shape)
         self.planes = [np.full(shape, np.nan, F4), np.zeros(shape, F4), np.zeros(shape, F4)]
         self.spare = [plane.copy() for plane in self.planes]
@@ -104,8 +115,11 @@ class SurfaceMethod:
 
         """
         matching = self.settings.matching
-        self.left.fill(left, self.settings.color)
-        self.right.fill(right, self.settings.color)
+        photometry = [channel_levels(image, self.settings.color) for image in (left, right)]
+        if self.shared_gains:
+            photometry = shared(photometry)
+        self.left.fill(left, *photometry[0], self.settings.color, self.blur)
+        self.right.fill(right, *photometry[1], self.settings.color, self.blur)
         clock.lap('colors')
         self.seed()
         clock.lap('coarse')
@@ -147,8 +161,8 @@ class SurfaceMethod:
         if len(tiles) < len(self.tiles):
             self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
-        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(gate), ridge,
-                           STEEPEST, self.reference, *self.spare, self.variance)
+        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(gate),
+                           self.noise_weight, ridge, STEEPEST, self.reference, *self.spare, self.variance)
         self.planes, self.spare = self.spare, self.planes
 
     def smooth(self, tiles, halo, step=CONTINUOUS):
@@ -185,7 +199,7 @@ class SurfaceMethod:
             return
         at = np.count_nonzero(known) // 4
         self.scale = F4(np.clip(np.partition(misfit[known], at)[at] / QUARTILE, 0.1, 100.0))
-        if self.settings.matching.color_matching:
+        if self.settings.matching.color_matching and not self.blur:
             fits = known & (misfit < ROBUST * self.scale)
             self.matrix = self.color_matrix(area, fits)
 
@@ -202,8 +216,9 @@ class SurfaceMethod:
         inputs = np.stack([*right, np.ones_like(t)], axis=1)
         # a prior of 200 nodes for equal cameras steadies images with little color
         normal = inputs.T @ inputs + 200 * np.diag([0.5, 0.5, 0.5])
-        return np.linalg.solve(
-            normal, inputs.T @ left + 100 * np.eye(3, 2)).T.astype(F4)
+        solved = np.linalg.solve(normal, inputs.T @ left + 100 * np.eye(3, 2))
+        # rows in memory as in `measure`: another layout would compile the kernels again
+        return np.ascontiguousarray(solved.T, F4)
 
     def judge(self):
         """Find out how far each node can be trusted, and why some cannot."""
@@ -244,16 +259,57 @@ class View:
         """Build the map; see `half_grid_index` for the arguments."""
         self.index = half_grid_index(camera, rows, columns, step_x, shape, rectified)
         self.box = np.empty((camera.height, camera.width * 3), np.uint16)
+        self.columns_per_node = 2 // step_x
         self.u, self.v, self.s, self.peak, self.variance = np.zeros((5, *shape), F4)
 
-    def fill(self, image, color):
-        """Rectify an image, uint8 (H, W, 3), into chromaticity, brightness and variance."""
+    def fill(self, image, dark, mean, color, blur):
+        """
+        Rectify an image, uint8 (H, W, 3), into chromaticity, brightness and variance.
+
+        dark, mean: of `channel_levels`. blur is the radius, in nodes, over which the colors of
+        slow patterns are averaged.
+
+        """
         kernels.box_sums(image.reshape(image.shape[0], -1), self.box)
-        dark, gain = photometry(image, color)
+        gain = gains_of(mean) if color.equalize else np.ones(3, F4)
         kernels.sample_colors(self.box.reshape(-1), *self.index, self.box.shape[1], dark, gain,
                               SOFT, self.u, self.v, self.s, self.peak)
         kernels.color_variance(self.s, self.peak, F4(color.saturation_level - 1), *NOISE,
                                self.variance)
+        if blur:
+            size = (1 + 2 * blur * self.columns_per_node, 1 + 2 * blur)
+            for plane in (self.u, self.v):
+                plane[:] = cv2.blur(plane, size)
+            # the noise of neighbors is correlated: averaging helps half as much as counting says
+            informed = self.variance < kernels.FLAT
+            self.variance[informed] *= F4(2.0 / (1 + 2 * blur) ** 2)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What the kind of pattern tells the search before it sees an image."""
+
+    texture: float
+    """Weight of brightness beside color in the coarse search."""
+    smoothness: float
+    """Factor of the penalties for steps."""
+    blur: int
+    """Radius over which colors are averaged, nodes."""
+
+    @classmethod
+    def of(cls, pattern, width):
+        """Return the prior for PatternSettings that light an image of `width` columns."""
+        if pattern.type in APERIODIC:
+            return cls(texture=0.5, smoothness=1.0, blur=0)
+        # Repeating colors need the texture and the neighbors to tell the repetitions apart; a
+        # color that changes slowly shows its slope only over many pixels.
+        cycles = pattern.cycles if pattern.type in SLOW else math.inf
+        blur = min(4, round(width / cycles / 160))
+        return cls(texture=2.0, smoothness=1.0 if blur else 4.0, blur=blur)
+
+
+APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
+SLOW = 'sweep', 'bright_sweep', 'sine'
 
 
 class CoarseSearch:
@@ -261,22 +317,27 @@ class CoarseSearch:
 
     SCALE = F4(64.0)  # int16 steps per unit of chromaticity
     KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
+    SURROUNDINGS = 9  # nodes: brighter than these is texture
     CAP, NEUTRAL = np.int16(160), np.int16(80)
     SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
 
-    def __init__(self, nodes, width, limits, smoothness):
+    def __init__(self, nodes, width, limits, smoothness, texture):
         """Allocate the cost volume of a half grid of `nodes` under an image of `width` px."""
         self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
         h, w = (max(1, count // self.factor) for count in nodes)
         step = 2 * self.factor
-        first, last = search_interval((limits[0] / step, limits[1] / step))
+        # beyond the image there is nothing to find, and `winners` counts to 2047 nodes only
+        first, last = (int(np.clip(limit, 1 - w, w - 1)) for limit in search_interval(
+            (limits[0] / step, limits[1] / step)))
         self.first, depth = first - 1, last - first + 3
         self.penalties = [np.int16(round(smoothness * penalty))
                           for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
-        self.left, self.right = np.zeros((2, 3, h, w), np.int16)
+        self.texture = F4(self.SCALE * texture)
+        self.left, self.right = np.zeros((2, 4, h, w), np.int16)
+        self.brightness = np.zeros((h, w), F4)
         # column x - d of the right image lies at margin + (w - 1) - (x - d)
         self.margin = w + max(abs(self.first), abs(self.first + depth))
-        self.reversed = np.zeros((3, h, w + 2 * self.margin), np.int16)
+        self.reversed = np.zeros((4, h, w + 2 * self.margin), np.int16)
         self.cost, self.total = np.empty((2, h, w, depth), np.int16)
         self.cost_scratch = np.empty((kernels.BANDS, 4, w, depth), np.int16)
         self.row_scratch = np.empty((kernels.BANDS, 2, depth + 2), np.int16)
@@ -284,6 +345,12 @@ class CoarseSearch:
         self.lowest = np.empty(w, np.int16)
         self.disparity = np.empty((h, w), F4)
         self.best = np.empty((kernels.BANDS, 2, w), np.int32)
+
+    def fill_texture(self, out):
+        """Write log brightness against its surroundings, int16: printed or natural texture."""
+        level = np.log(self.brightness + self.KNEE)
+        level -= cv2.blur(level, (self.SURROUNDINGS, self.SURROUNDINGS))
+        np.multiply(np.clip(level, -1, 1), self.texture, out=out, casting='unsafe')
 
     def search(self, left, right):
         """
@@ -303,7 +370,8 @@ class CoarseSearch:
         for view, first, step, out in ((left, kernels.PAD, factor, self.left),
                                        (right, 0, 2 * factor, self.right)):
             kernels.reduce_colors(view.u, view.v, view.s, kernels.PAD, first, step, factor, SOFT,
-                                  self.SCALE, self.KNEE, *out)
+                                  self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3])
+            self.fill_texture(out[2])
         self.reversed[:, :, self.margin:self.margin + w] = self.right[:, :, ::-1]
         kernels.cost_volume(*self.left, *self.reversed, self.margin + w - 1 + self.first, self.CAP,
                             self.NEUTRAL, self.cost, self.cost_scratch)
@@ -314,22 +382,27 @@ class CoarseSearch:
         return self.disparity
 
 
-def photometry(image, color):
-    """
-    Return dark level and gain of each channel, float32 (3,), DN and 1.
-
-    The gains make the channels equally bright on average; the pattern holds all hues alike.
-
-    """
+def channel_levels(image, color):
+    """Return dark level and mean above it of each channel, float32 (3,), DN."""
     sample = image[8::16, 8::16].reshape(-1, 3)
     if color.dark_level < 0 and sample.size:
         dark = np.minimum(np.percentile(sample, 0.5, axis=0), DARKEST).astype(F4)
     else:
         dark = np.full(3, max(color.dark_level, 0.0), F4)
-    if not color.equalize or not sample.size:
-        return dark, np.ones(3, F4)
-    mean = np.maximum(sample - dark, 0).mean(axis=0) + F4(0.5)
-    return dark, np.clip(mean.mean() / mean, 0.25, 4.0).astype(F4)
+    above = np.maximum(sample - dark, 0)
+    return dark, above.mean(axis=0) if sample.size else np.ones(3, F4)
+
+
+def shared(levels):
+    """Give both cameras the same channel means: they may see different parts of the pattern."""
+    mean = 0.5 * (levels[0][1] + levels[1][1])
+    return [(dark, mean) for dark, _ in levels]
+
+
+def gains_of(mean):
+    """Return gains, float32 (3,), that make channels of these means equally bright."""
+    mean = mean + F4(0.5)
+    return np.clip(mean.mean() / mean, 0.25, 4.0).astype(F4)
 
 
 DARKEST = 24.0  # DN: an estimated dark level above this is light
