@@ -70,15 +70,16 @@ def sample_colors(box, index, frac_x, frac_y, dark, gain, soft):
 
 
 def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, shape):
-    """Return the coarse chromaticities (units of 1 / scale) and trusts, not yet quantized."""
-    out = np.zeros((3, *shape))
+    """Return coarse u, v (units of 1 / scale), brightness and trust, not yet quantized."""
+    out = np.zeros((4, *shape))
     for y, x in nodes_of(shape):
         inner = [(j, i) for j in range(top + y * step_y, top + (y + 1) * step_y)
                  for i in range(left + x * step_x, left + (x + 1) * step_x)]
         weight = sum(s[p] + soft for p in inner)
         out[0, y, x] = scale * sum(u[p] * (s[p] + soft) for p in inner) / weight
         out[1, y, x] = scale * sum(v[p] * (s[p] + soft) for p in inner) / weight
-        out[2, y, x] = min(16, 16 * np.mean([s[p] for p in inner]) / knee)
+        out[2, y, x] = np.mean([s[p] for p in inner])
+        out[3, y, x] = min(16, 16 * out[2, y, x] / knee)
     return out
 
 
@@ -94,12 +95,12 @@ def color_variance(s, peak, saturation, floor, shot, relative):
 
 
 def node_cost(left, right, y, x, disparity, cap, neutral):
-    """Return the cost of one pair of coarse nodes; left and right are (u, v, trust)."""
+    """Return the cost of one pair of coarse nodes; left and right are (u, v, texture, trust)."""
     at = x - disparity
     inside = 0 <= at < right.shape[2]
-    color = [int(c) for c in right[:, y, at]] if inside else [0, 0, 0]
-    cost = min(cap, sum(abs(int(left[c, y, x]) - color[c]) for c in (0, 1)))
-    trust = min(int(left[2, y, x]), color[2])
+    color = [int(c) for c in right[:, y, at]] if inside else [0, 0, 0, 0]
+    cost = min(cap, sum(abs(int(left[c, y, x]) - color[c]) for c in (0, 1, 2)))
+    trust = min(int(left[3, y, x]), color[3])
     return neutral + (cost - neutral) * trust // 16
 
 
@@ -215,7 +216,8 @@ def linearize(left, right, matrix, d, tiles, robust, scale, reference):
     return out
 
 
-def fit_planes(weight, moment, planes, tiles, smooth, gate, ridge, steepest, reference):
+def fit_planes(weight, moment, planes, tiles, smooth, gate, noise_weight, ridge, steepest,
+               reference):
     """Return d, a, b and variance, NaN outside the tiles."""
     out = np.full((4, *weight.shape), np.nan)
     for tile, one_surface in zip(tiles, smooth):
@@ -227,8 +229,8 @@ def fit_planes(weight, moment, planes, tiles, smooth, gate, ridge, steepest, ref
             window = [(j, i) for j in range(-RADIUS, RADIUS + 1)
                       for i in range(-RADIUS, RADIUS + 1)
                       if one_surface or on_plane(planes, y, x, j, i, gate)]
-            out[:, y, x] = fitted_plane(weight, moment, planes[:, y, x], y, x, window, ridge,
-                                        steepest, reference)
+            out[:, y, x] = fitted_plane(weight, moment, planes[:, y, x], y, x, window,
+                                        noise_weight, ridge, steepest, reference)
     return out
 
 
@@ -238,7 +240,7 @@ def on_plane(planes, y, x, j, i, gate):
     return abs(planes[0, y + j, x + i] - (d + a * i + b * j)) < gate
 
 
-def fitted_plane(weight, moment, last, y, x, window, ridge, steepest, reference):
+def fitted_plane(weight, moment, last, y, x, window, noise_weight, ridge, steepest, reference):
     """Return d, a, b, variance of the weighted least squares of one node."""
     normal, pulled = np.zeros((3, 3)), np.zeros(3)
     for j, i in window:
@@ -252,7 +254,7 @@ def fitted_plane(weight, moment, last, y, x, window, ridge, steepest, reference)
     held = normal + ridge * total * np.diag([0, 1, 1])
     slopes = np.linalg.solve(held, pulled + ridge * total * np.array([0, last[1], last[2]]))[1:]
     slopes = np.clip(slopes, -steepest, steepest)
-    signal = total - float(kernels.NOISE_WEIGHT) * len(window)
+    signal = total - noise_weight * len(window)
     variance = np.linalg.inv(held)[0, 0] * total / signal if signal > 0.02 * total else np.inf
     return reference + pulled[0] / total - means @ slopes, *slopes, variance
 
@@ -396,7 +398,7 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
         apart = kernels.BENT * evidence[row, column, 3] ** 2
         std[row, column] = math.sqrt(kernels.CORRELATED * variance[node] + apart ** 2)
         confidence[row, column] = 1 / (1 + math.exp(-odds))
-        unsure = odds < least_odds
+        unsure = odds < least_odds or variance[node] > vague ** 2
         reasons = [
             (Status.OUTSIDE_IMAGE, peak[node] < 0),
             (Status.SATURATED, unsure and peak[node] >= saturation),

@@ -119,13 +119,16 @@ def test_coarse_colors_are_means_weighted_by_brightness(step_x, step_y, left):
     u, v = rng.uniform(-2, 2, (2, *SHAPE)).astype(F4)
     s = rng.uniform(0, 60, SHAPE).astype(F4)
     scale, knee = surface.CoarseSearch.SCALE, surface.CoarseSearch.KNEE
-    out = np.empty((3, ROWS // step_y, COLUMNS // step_x), I2)
-    kernels.reduce_colors(u, v, s, PAD, left, step_x, step_y, surface.SOFT, scale, knee, *out)
+    out = np.empty((4, ROWS // step_y, COLUMNS // step_x), I2)
+    brightness = np.empty(out.shape[1:], F4)
+    kernels.reduce_colors(u, v, s, PAD, left, step_x, step_y, surface.SOFT, scale, knee, out[0],
+                          out[1], brightness, out[3])
     expected = naive.reduce_colors(u.astype(float), v, s.astype(float), PAD, left, step_x, step_y,
                                    float(surface.SOFT), float(scale), float(knee), out.shape[1:])
-    # whole units, rounded towards zero
-    np.testing.assert_allclose(out, np.trunc(expected), atol=1)
-    assert np.mean(out == np.trunc(expected)) > 0.99
+    np.testing.assert_allclose(brightness, expected[2], rtol=1e-5)
+    for channel in (0, 1, 3):  # whole units, rounded towards zero
+        np.testing.assert_allclose(out[channel], np.trunc(expected[channel]), atol=1)
+        assert np.mean(out[channel] == np.trunc(expected[channel])) > 0.99
 
 
 def test_color_variance_knows_what_says_nothing():
@@ -140,10 +143,11 @@ def test_color_variance_knows_what_says_nothing():
 
 
 def coarse_pair(seed, rows=5, columns=9):
-    """Return left and right coarse colors (u, v, trust), int16."""
+    """Return left and right coarse colors (u, v, texture, trust), int16."""
     rng = np.random.default_rng(seed)
     return [np.stack([rng.integers(-128, 128, (rows, columns)),
                       rng.integers(-128, 128, (rows, columns)),
+                      rng.integers(-40, 40, (rows, columns)),
                       rng.integers(0, 17, (rows, columns))]).astype(I2) for _ in range(2)]
 
 
@@ -151,7 +155,7 @@ def compiled_volume(left, right, first, depth):
     """Return the cost volume of the kernel."""
     rows, columns = left.shape[1:]
     margin = columns + abs(first) + depth
-    mirrored = np.zeros((3, rows, columns + 2 * margin), I2)
+    mirrored = np.zeros((4, rows, columns + 2 * margin), I2)
     mirrored[:, :, margin:margin + columns] = right[:, :, ::-1]
     search = surface.CoarseSearch
     cost = np.empty((rows, columns, depth), I2)
@@ -197,7 +201,8 @@ def test_winners_are_consistent_from_left_to_right(first, depth):
 
 def test_the_largest_path_costs_leave_room_for_the_disparity():
     # four paths, each at most nine capped pixels and the largest penalty that settings allow
-    largest = 4 * (9 * int(surface.CoarseSearch.CAP) + 10 * surface.CoarseSearch.LARGE_STEP)
+    search = surface.CoarseSearch((24, 32), 64, (2, 20), 40.0, 1.0)
+    largest = 4 * (9 * int(search.CAP) + int(search.penalties[1]))
     assert largest < 2 ** 15
     total = np.full((1, 5, 3), largest, I2)
     total[..., 1] -= 1
@@ -258,20 +263,19 @@ def fit_inputs(seed):
     left, right = views(seed)
     shape = planes(seed + 1)
     weight, moment, _ = compiled_linearize(left, right, shape[0], TILES)
-    weight[:, -kernels.TILE_COLUMNS - PAD:] *= np.random.default_rng(seed).random() < 2
+    weight[np.isnan(weight)], moment[np.isnan(moment)] = 0, 0  # the frame
     return weight, moment, shape
 
 
 @pytest.mark.parametrize('gate, ridge', [(0.8, 0.5), (3.0, 1e6)])
 def test_planes_are_weighted_least_squares(gate, ridge):
     weight, moment, shape = fit_inputs(12)
-    weight[np.isnan(weight)], moment[np.isnan(moment)] = 0, 0
     smooth = np.arange(len(TILES)) % 2 == 0
     out = unknown(4)
-    kernels.fit_planes(weight, moment, *shape, TILES, smooth, F4(gate), F4(ridge),
-                       surface.STEEPEST, F4(3), *out)
+    kernels.fit_planes(weight, moment, *shape, TILES, smooth, F4(gate), F4(0.7),
+                       F4(ridge), surface.STEEPEST, F4(3), *out)
     expected = naive.fit_planes(weight.astype(float), moment.astype(float), shape.astype(float),
-                                TILES, smooth, gate, ridge, float(surface.STEEPEST), 3.0)
+                                TILES, smooth, gate, 0.7, ridge, float(surface.STEEPEST), 3.0)
     np.testing.assert_allclose(out[:3], expected[:3], rtol=1e-3, atol=3e-3)
     same = np.isfinite(out[3]) == np.isfinite(expected[3])
     assert same[PAD:-PAD, PAD:-PAD].mean() > 0.99  # hardly more signal than noise
@@ -284,7 +288,8 @@ def test_tiles_without_information_keep_their_planes():
     shape = planes(13)
     out = unknown(4)
     kernels.fit_planes(np.zeros(SHAPE, F4), np.zeros(SHAPE, F4), *shape, TILES,
-                       np.zeros(len(TILES), bool), F4(1), F4(0.5), surface.STEEPEST, F4(0), *out)
+                       np.zeros(len(TILES), bool), F4(1), F4(0.7), F4(0.5), surface.STEEPEST,
+                       F4(0), *out)
     np.testing.assert_array_equal(out[:3, *INNER], shape[:, *INNER])
     assert np.isinf(out[3][INNER]).all()
 
@@ -293,7 +298,8 @@ def test_tiles_without_information_keep_their_planes():
     (14, 'nothing'), (15, 'jump'), (16, 'hole'), (17, 'misfit'), (18, 'dark'), (19, 'dark jump')])
 def test_smooth_tiles_hold_one_surface(seed, change):
     row, column = np.mgrid[:SHAPE[0], :SHAPE[1]]
-    shape = np.stack([0.1 * row - 0.2 * column, np.full(SHAPE, -0.2), np.full(SHAPE, 0.1)]).astype(F4)
+    shape = np.stack([0.1 * row - 0.2 * column, np.full(SHAPE, -0.2),
+                      np.full(SHAPE, 0.1)]).astype(F4)
     misfit = np.random.default_rng(seed).uniform(0, 2, SHAPE).astype(F4)
     variance = np.full(SHAPE, 0.01, F4)
     where = np.s_[PAD + 3:PAD + 6, PAD + 4:PAD + 7]
@@ -391,7 +397,7 @@ def test_hidden_nodes_lie_behind_more_trusted_ones():
 def test_every_reason_is_given_and_as_documented():
     rng = np.random.default_rng(26)
     d = framed(rng.choice([np.nan, -9, 0, 3, 8, 30], (ROWS, COLUMNS)))
-    variance = rng.choice([1e-3, 0.2], SHAPE).astype(F4)
+    variance = rng.choice([1e-3, 0.2, np.inf], SHAPE).astype(F4)
     evidence = rng.uniform(0, 1, (ROWS, COLUMNS, 5)).astype(F4)
     cost = rng.choice([1, 0.9 * kernels.CEILING], SHAPE).astype(F4)
     trust = rng.choice([-4, 0, 1.5, 4], SHAPE).astype(F4)
