@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The core library: calibrated color pairs in, range images out. It knows nothing of ROS."""
 
+from . import _threads  # noqa: F401, before any kernel starts numba's threads
 from .calibration import CameraModel, StereoCalibration
 from .pattern import make_pattern
 from .pipeline import ColorStereo

@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+How long numba's threads wait awake for the next parallel loop; imported before they start.
+
+GNU OpenMP lets them spin for many milliseconds. On a machine that has other work, too, the one
+thread that everybody waits for then finds no core: a pair takes four times as long, and twice
+the processor time. 2000 turns, some 0.1 ms, bridge the gaps between kernels (docs/speed.md).
+
+"""
+
+import os
+
+if not {'OMP_WAIT_POLICY', 'GOMP_SPINCOUNT'} & os.environ.keys():
+    os.environ['GOMP_SPINCOUNT'] = '2000'
