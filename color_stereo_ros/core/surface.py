@@ -35,7 +35,7 @@ ROBUST = F4(9.0)    # misfit at which a node counts half
 RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
 STEEPEST = F4(6.0)  # px per node
 GATES = 3.0, 1.5, 0.75   # px from the plane of the center, per round: coarse seeds are rough
-STEPS = (4, 2, 1), (1,)  # nodes, per propagation between the rounds
+STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(30.0)    # misfit beyond which a node says no more than that it does not fit
 INERTIA = F4(0.5)   # by how much another plane must fit better
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
@@ -126,21 +126,27 @@ class SurfaceMethod:
         self.matrix, self.scale = np.eye(2, 3, dtype=F4), F4(1)
         self.cost.fill(1.0)
         self.variance.fill(1.0)
-        tiles = self.tiles
         for turn in range(matching.refinements):
-            if turn > 0 and matching.propagation:
-                tiles = self.propagate(STEPS[min(turn, len(STEPS)) - 1])
-                clock.lap(f'propagate {turn}')
-            self.linearize(tiles if turn > 1 else self.tiles)
-            self.fit_planes(tiles if turn > 1 else self.tiles, GATES[min(turn, len(GATES) - 1)])
-            clock.lap(f'fit {turn + 1}')
-            self.linearize(self.tiles if turn < 2 else tiles)
-            if turn == 0:
-                self.adapt()
-            clock.lap(f'compare {turn + 1}')
+            self.refine(turn, clock)
         self.judge()
         clock.lap('judge')
         return self.expand(clock)
+
+    def refine(self, turn, clock):
+        """Do one round: planes from neighbors (not in the first round), then least squares."""
+        tiles = self.tiles
+        if turn > 0 and self.settings.matching.propagation:
+            tiles = self.propagate(STEPS[min(turn, len(STEPS)) - 1])
+            clock.lap(f'propagate {turn}')
+        # colors and noise are known better after the first round: everything is fitted anew
+        fitted = self.tiles if turn < 2 else tiles
+        self.linearize(fitted)
+        self.fit_planes(fitted, GATES[min(turn, len(GATES) - 1)], 2 if turn == 0 else 1)
+        clock.lap(f'fit {turn + 1}')
+        self.linearize(tiles)
+        if turn == 0:
+            self.adapt()
+        clock.lap(f'compare {turn + 1}')
 
     def seed(self):
         """Search all disparities on the coarse grid and give every node a first plane."""
@@ -155,13 +161,18 @@ class SurfaceMethod:
                           self.matrix, self.planes[0], tiles, ROBUST, self.scale, self.reference,
                           self.weight, self.moment, self.misfit)
 
-    def fit_planes(self, tiles, gate):
-        """Fit planes to the linearized nodes of some tiles, gate (px) from the centers' planes."""
+    def fit_planes(self, tiles, gate, stride):
+        """
+        Fit planes to the linearized nodes of some tiles.
+
+        gate: px from the plane of the center; stride: of the window rows near depth edges.
+
+        """
         smooth = self.smooth(tiles, kernels.RADIUS, F4(0.67 * gate))
         if len(tiles) < len(self.tiles):
             self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
-        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(gate),
+        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(gate), stride,
                            self.noise_weight, ridge, STEEPEST, self.reference, *self.spare, self.variance)
         self.planes, self.spare = self.spare, self.planes
 
@@ -330,7 +341,8 @@ class CoarseSearch:
         first, last = (int(np.clip(limit, 1 - w, w - 1)) for limit in search_interval(
             (limits[0] / step, limits[1] / step)))
         self.first, depth = first - 1, last - first + 3
-        self.penalties = [np.int16(round(smoothness * penalty))
+        # four path costs, each at most nine capped nodes and one penalty, must fit into int16
+        self.penalties = [np.int16(round(min(smoothness, 10.0) * penalty))
                           for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
         self.texture = F4(self.SCALE * texture)
         self.left, self.right = np.zeros((2, 4, h, w), np.int16)
@@ -386,11 +398,13 @@ def channel_levels(image, color):
     """Return dark level and mean above it of each channel, float32 (3,), DN."""
     sample = image[8::16, 8::16].reshape(-1, 3)
     if color.dark_level < 0 and sample.size:
-        dark = np.minimum(np.percentile(sample, 0.5, axis=0), DARKEST).astype(F4)
+        rank = sample.shape[0] // 200  # the darkest half percent
+        dark = np.minimum(np.partition(sample, rank, axis=0)[rank], DARKEST).astype(F4)
     else:
         dark = np.full(3, max(color.dark_level, 0.0), F4)
-    above = np.maximum(sample - dark, 0)
-    return dark, above.mean(axis=0) if sample.size else np.ones(3, F4)
+    if not sample.size:
+        return dark, np.ones(3, F4)
+    return dark, np.maximum(sample - dark, 0).mean(axis=0)
 
 
 def shared(levels):
