@@ -543,11 +543,12 @@ def smooth_sums(weight, moment, y, left, columns_, sums):
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
-def gated_sums(weight, moment, d, a, b, y, left, gate, row, sums):
+def gated_sums(weight, moment, d, a, b, y, left, gate, stride, row, sums):
     """
     Window sums of one tile row over the nodes that lie on the surface of the center.
 
-    A node counts where its own disparity is within `gate` of the plane of the center. sums is
+    A node counts where its own disparity is within `gate` of the plane of the center; of the
+    window rows every `stride`-th is looked at. sums is
     (10, TILE_COLUMNS): the moments 1, x, y, xx, xy, yy of weight and 1, x, y of moment, and the
     number of nodes; row is float32 (7, TILE_COLUMNS).
 
@@ -558,7 +559,7 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, row, sums):
     bc = b[y, left:left + TILE_COLUMNS]
     base, s0, s1, s2, t0, t1 = row[0], row[1], row[2], row[3], row[4], row[5]
     count = row[6]
-    for j in range(-RADIUS, RADIUS + 1):
+    for j in range(-RADIUS, RADIUS + 1, stride):
         row_y = F4(j)
         row[:] = F4(0)
         for x in range(TILE_COLUMNS):
@@ -651,8 +652,8 @@ def copy_tile(d, a, b, top, left, new_d, new_a, new_b):
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, noise_weight, ridge, steepest,
-               reference, new_d, new_a, new_b, variance):
+def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, stride, noise_weight, ridge,
+               steepest, reference, new_d, new_a, new_b, variance):
     """Least-squares planes of all nodes of some tiles; smooth (bool) says which need no gate."""
     for k in prange(BANDS):
         first, last = band(k, BANDS, tiles.shape[0])
@@ -672,10 +673,10 @@ def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, noise_weight, ridge
                 if smooth[tile]:
                     smooth_sums(weight, moment, y, left, columns_, sums)
                 else:
-                    gated_sums(weight, moment, d, a, b, y, left, gate, row, sums)
+                    gated_sums(weight, moment, d, a, b, y, left, gate, stride, row, sums)
                 solve_row(sums, d[y, left:right], a[y, left:right], b[y, left:right],
-                          noise_weight, ridge, steepest, reference, new_d[y, left:right], new_a[y, left:right],
-                          new_b[y, left:right], variance[y, left:right])
+                          noise_weight, ridge, steepest, reference, new_d[y, left:right],
+                          new_a[y, left:right], new_b[y, left:right], variance[y, left:right])
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
@@ -941,7 +942,9 @@ def remove_islands(d, a, b, trust, rows, columns, step, least_size, parent, size
                 if y > 0 and trust[v - 1, u] > 0 and (
                         abs(d[v, u] - d[v - 1, u] - b[v - 1, u]) < step
                         or abs(d[v, u] - d[v - 1, u] - b[v, u]) < step):
-                    parent[root_of(parent, node)] = root_of(parent, node - columns)
+                    above = root_of(parent, node - columns)
+                    if parent[node] != above:
+                        parent[root_of(parent, node)] = above
     for node in range(rows * columns):
         size[root_of(parent, node)] += 1
     for y in range(rows):

@@ -137,7 +137,7 @@ class MatchingSettings(Group):
         1.0, 'surface method: how much the brightness of the surface counts beside its color in '
         'the coarse search, as a factor of what suits the pattern', minimum=0.0, maximum=10.0)
     refinements: int = setting(
-        3, 'surface method: rounds of least squares; 0 = coarse disparities only',
+        2, 'surface method: rounds of least squares; 0 = coarse disparities only',
         minimum=0, maximum=10)
     slanted: bool = setting(
         True, 'surface method: let the least-squares window lean with the surface')

@@ -44,8 +44,8 @@ SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right 
 VAGUE = F4(1.0)     # px: standard deviation of a plane that is too uncertain to publish
 # Log-odds of being right within 1 px: constant, then the weights of the evidence that
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
-MODEL = np.array([7.26, -1.13, -0.18, -2.85, -4.52, 0.64], F4)
-HIDDEN_ODDS = F4(-2.0)
+MODEL = np.array([7.18, -0.92, -0.33, -2.95, -4.38, 1.2], F4)
+HIDDEN_ODDS = F4(-1.65)
 
 
 class SurfaceMethod:
