@@ -216,8 +216,8 @@ def linearize(left, right, matrix, d, tiles, robust, scale, reference):
     return out
 
 
-def fit_planes(weight, moment, planes, tiles, smooth, gate, noise_weight, ridge, steepest,
-               reference):
+def fit_planes(weight, moment, planes, tiles, smooth, gate, stride, noise_weight, ridge,
+               steepest, reference):
     """Return d, a, b and variance, NaN outside the tiles."""
     out = np.full((4, *weight.shape), np.nan)
     for tile, one_surface in zip(tiles, smooth):
@@ -226,7 +226,8 @@ def fit_planes(weight, moment, planes, tiles, smooth, gate, noise_weight, ridge,
             if not informed:
                 out[:, y, x] = *planes[:, y, x], np.inf
                 continue
-            window = [(j, i) for j in range(-RADIUS, RADIUS + 1)
+            rows = range(-RADIUS, RADIUS + 1, 1 if one_surface else stride)
+            window = [(j, i) for j in rows
                       for i in range(-RADIUS, RADIUS + 1)
                       if one_surface or on_plane(planes, y, x, j, i, gate)]
             out[:, y, x] = fitted_plane(weight, moment, planes[:, y, x], y, x, window,
@@ -405,6 +406,7 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
             (Status.DARK, peak[node] < saturation
              and s[node] < (dark if unsure else kernels.PITCH_DARK)),
             (Status.NO_MATCH, math.isnan(d[node])),
+            (Status.AMBIGUOUS, variance[node] > vague ** 2),
             (Status.OUT_OF_RANGE, not limits[0] <= d[node] <= limits[1]),
             (Status.VALID, not unsure),
             (Status.INCONSISTENT, hidden[node]),

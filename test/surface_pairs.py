@@ -25,7 +25,7 @@ def rig(width, height, offset=0.0):
 
 
 def surface_settings(smallest, largest, offset=0.0, **changes):
-    """Return settings for a range of disparities, px; changes name settings with __ for the dot."""
+    """Return settings for a range of disparities, px; changes use __ for the dot."""
     values = {'range.min_depth': FOCAL * BASELINE / (largest - offset),
               'range.max_depth': FOCAL * BASELINE / (smallest - offset)}
     values.update({name.replace('__', '.'): value for name, value in changes.items()})

@@ -267,15 +267,16 @@ def fit_inputs(seed):
     return weight, moment, shape
 
 
-@pytest.mark.parametrize('gate, ridge', [(0.8, 0.5), (3.0, 1e6)])
-def test_planes_are_weighted_least_squares(gate, ridge):
+@pytest.mark.parametrize('gate, stride, ridge', [(0.8, 1, 0.5), (3.0, 1, 1e6), (1.5, 2, 0.5)])
+def test_planes_are_weighted_least_squares(gate, stride, ridge):
     weight, moment, shape = fit_inputs(12)
     smooth = np.arange(len(TILES)) % 2 == 0
     out = unknown(4)
-    kernels.fit_planes(weight, moment, *shape, TILES, smooth, F4(gate), F4(0.7),
-                       F4(ridge), surface.STEEPEST, F4(3), *out)
+    kernels.fit_planes(weight, moment, *shape, TILES, smooth, F4(gate), stride,
+                       F4(0.7), F4(ridge), surface.STEEPEST, F4(3), *out)
     expected = naive.fit_planes(weight.astype(float), moment.astype(float), shape.astype(float),
-                                TILES, smooth, gate, 0.7, ridge, float(surface.STEEPEST), 3.0)
+                                TILES, smooth, gate, stride, 0.7, ridge,
+                                float(surface.STEEPEST), 3.0)
     np.testing.assert_allclose(out[:3], expected[:3], rtol=1e-3, atol=3e-3)
     same = np.isfinite(out[3]) == np.isfinite(expected[3])
     assert same[PAD:-PAD, PAD:-PAD].mean() > 0.99  # hardly more signal than noise
@@ -288,8 +289,8 @@ def test_tiles_without_information_keep_their_planes():
     shape = planes(13)
     out = unknown(4)
     kernels.fit_planes(np.zeros(SHAPE, F4), np.zeros(SHAPE, F4), *shape, TILES,
-                       np.zeros(len(TILES), bool), F4(1), F4(0.7), F4(0.5), surface.STEEPEST,
-                       F4(0), *out)
+                       np.zeros(len(TILES), bool), F4(1), 1, F4(0.7), F4(0.5),
+                       surface.STEEPEST, F4(0), *out)
     np.testing.assert_array_equal(out[:3, *INNER], shape[:, *INNER])
     assert np.isinf(out[3][INNER]).all()
 

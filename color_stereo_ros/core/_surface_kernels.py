@@ -1022,6 +1022,8 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
                     code = DARK
                 elif math.isnan(here):
                     code = NO_MATCH
+                elif variance[y, x] > vague * vague:
+                    code = AMBIGUOUS
                 elif here < limits[0] or here > limits[1]:
                     code = OUT_OF_RANGE
                 elif not unsure:

@@ -29,7 +29,7 @@ from .types import Measurement
 F4 = np.float32
 SOFT = F4(3.0)      # DN: keeps the chromaticity of black finite
 NOISE = F4(6.0), F4(0.25), F4(0.0006)  # DN^2, DN, 1: a plausible camera; its scale is measured
-NOISE_WEIGHT = 0.15 # of a node that shows nothing but noise, measured on slow patterns
+NOISE_WEIGHT = 1.0  # of a node that shows nothing but noise: gray surfaces get no range
 QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
 ROBUST = F4(9.0)    # misfit at which a node counts half
 RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
@@ -46,6 +46,9 @@ VAGUE = F4(1.0)     # px: standard deviation of a plane that is too uncertain to
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([7.18, -0.92, -0.33, -2.95, -4.38, 1.2], F4)
 HIDDEN_ODDS = F4(-1.65)
+SURROUNDINGS = 31   # nodes: here at least half of the planes of a real surface agree with
+APART = F4(0.3)     # px^0.5, their neighbors; chance matches do not,
+DISCORD_ODDS = F4(20.0)  # and lose these log-odds if no plane does
 
 
 class SurfaceMethod:
@@ -235,6 +238,8 @@ class SurfaceMethod:
         """Find out how far each node can be trusted, and why some cannot."""
         kernels.judge(*self.planes, self.cost, self.misfit, self.variance, self.left.variance,
                       *self.nodes, MODEL, self.evidence, self.trust)
+        if not self.blur:
+            self.distrust_discord()
         least_nodes = self.settings.matching.min_segment // 4
         if least_nodes > 1:
             kernels.remove_islands(*self.planes, self.trust, *self.nodes, CONTINUOUS, least_nodes,
@@ -248,6 +253,22 @@ class SurfaceMethod:
                        self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
                        F4(color.min_signal), HIDDEN_ODDS, log_odds(least), VAGUE,
                        self.std, self.confidence, self.status)
+
+    def distrust_discord(self):
+        """
+        Trust nodes less where most planes around them contradict their neighbors.
+
+        Noise, or two images of different things, match by chance here and there; a single such
+        node looks as good as a true one, but not its surroundings.
+
+        """
+        rows, columns = self.nodes
+        area = np.s_[kernels.PAD:kernels.PAD + rows, kernels.PAD:kernels.PAD + columns]
+        known = (self.variance[area] < F4(0.25)).astype(F4)
+        apart = (self.evidence[:, :, 3] > APART) * known
+        size = SURROUNDINGS, SURROUNDINGS
+        share = cv2.blur(apart, size) / np.maximum(cv2.blur(known, size), F4(1e-3))
+        self.trust[area] -= DISCORD_ODDS * np.maximum(F4(2) * share - F4(1), F4(0))
 
     def expand(self, clock):
         """Return the measurement at every pixel."""
@@ -396,7 +417,8 @@ class CoarseSearch:
 
 def channel_levels(image, color):
     """Return dark level and mean above it of each channel, float32 (3,), DN."""
-    sample = image[8::16, 8::16].reshape(-1, 3)
+    step = min(16, max(1, min(image.shape[:2]) // 32))
+    sample = image[step // 2::step, step // 2::step].reshape(-1, 3)
     if color.dark_level < 0 and sample.size:
         rank = sample.shape[0] // 200  # the darkest half percent
         dark = np.minimum(np.partition(sample, rank, axis=0)[rank], DARKEST).astype(F4)

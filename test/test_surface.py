@@ -1,0 +1,369 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The surface method on pairs of known disparity: its precision, its honesty and its switches."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+from color_stereo_ros.core import CameraModel, ColorStereo, Status, StereoCalibration
+from color_stereo_ros.core.surface import CoarseSearch
+import numba
+import numpy as np
+import pytest
+from surface_pairs import (exposed, FOCAL, pair_of, photographed, plane, plane_pair, rig,
+                           step_pair, surface_settings)
+
+WIDTH, HEIGHT = 256, 160
+LIMITS = 2.0, 60.0
+NEAR, FAR, FIRST, LAST = 44, 16, 120, 190  # the step: a near strip before a far plane
+REASONS = {Status.NO_MATCH, Status.AMBIGUOUS, Status.INCONSISTENT, Status.IMPLAUSIBLE}
+
+
+def sensor(width=WIDTH, height=HEIGHT, limits=LIMITS, offset=0.0, **changes):
+    """Return a sensor for rectified pairs; changes name settings with __ for the dot."""
+    return ColorStereo(rig(width, height, offset),
+                       surface_settings(*limits, offset, **changes))
+
+
+@pytest.fixture(scope='module')
+def stereo():
+    """Return the sensor with default settings."""
+    return sensor()
+
+
+@pytest.fixture(scope='module')
+def step():
+    """Return the pair of a step, its disparity, and what only left sees."""
+    return step_pair(WIDTH, HEIGHT, NEAR, FAR, FIRST, LAST)
+
+
+def seen_by_both(disparity, margin=8):
+    """Return the pixels so far from the borders of both images."""
+    height, width = disparity.shape
+    row, column = np.mgrid[:height, :width]
+    seen = (row >= margin) & (row < height - margin)
+    for place in (column, column - disparity):
+        seen &= (place >= margin) & (place < width - margin)
+    return seen
+
+
+def errors(result, truth, where=None):
+    """Return the errors (px) of the ranges where both cameras see, and their share."""
+    where = seen_by_both(truth) if where is None else where
+    known = where & np.isfinite(result.disparity)
+    return (result.disparity - truth)[known], np.count_nonzero(known) / np.count_nonzero(where)
+
+
+def locking(result, truth, bins=8):
+    """Return the peak to peak of the median error over the fraction of the disparity, px."""
+    known = seen_by_both(truth) & np.isfinite(result.disparity)
+    phase = np.floor(truth % 1 * bins)[known]
+    error = (result.disparity - truth)[known]
+    return np.ptp([np.median(error[phase == k]) for k in range(bins)])
+
+
+# 60 degrees about the vertical axis at 0.8 m: baseline * tan(60 deg) / distance
+STEEP = 0.1 * np.tan(np.radians(60)) / 0.8
+
+
+@pytest.mark.parametrize('slope_x, slope_y', [
+    (0, 0), (0.05, 0.03), (STEEP, 0), (-STEEP, 0), (0, STEEP)])
+def test_planes_are_found_to_a_twentieth_of_a_pixel(stereo, slope_x, slope_y):
+    truth = plane(WIDTH, HEIGHT, 29.7, slope_x, slope_y)
+    result = stereo.process(*pair_of(truth))
+    error, share = errors(result, truth)
+    assert share > 0.98
+    assert np.median(np.abs(error)) < 0.05
+    assert np.abs(np.median(error)) < 0.015
+    assert np.mean(np.abs(error) > 1) < 0.002
+
+
+@pytest.mark.parametrize('slope', [0.05, STEEP, -STEEP])
+def test_fractions_of_a_pixel_are_not_drawn_to_whole_ones(stereo, slope):
+    truth = plane(WIDTH, HEIGHT, 30, slope)
+    assert locking(stereo.process(*pair_of(truth)), truth) < 0.02
+
+
+@pytest.mark.parametrize('disparity', [20.0, 20.25, 20.5, 20.75])
+def test_every_fraction_of_a_pixel_is_equally_precise(stereo, disparity):
+    truth = np.full((HEIGHT, WIDTH), disparity)
+    error, _ = errors(stereo.process(*pair_of(truth)), truth)
+    assert np.abs(np.median(error)) < 0.015
+    assert np.median(np.abs(error)) < 0.05
+
+
+def test_depth_follows_from_disparity_and_principal_points():
+    offset = -40.0
+    truth = plane(WIDTH, HEIGHT, -12.3, 0.03)
+    result = sensor(limits=(-38, 20), offset=offset).process(*pair_of(truth))
+    error, share = errors(result, truth)
+    assert share > 0.98 and np.median(np.abs(error)) < 0.05
+    valid = result.status == Status.VALID
+    assert (result.disparity[valid] < 0).mean() > 0.9
+    np.testing.assert_allclose(
+        result.depth[valid], FOCAL * 0.1 / (result.disparity[valid] - offset), rtol=1e-5)
+
+
+def test_both_sides_of_a_step_are_found(stereo, step):
+    left, right, truth, hidden = step
+    result = stereo.process(left, right)
+    for level in (NEAR, FAR):
+        side = (truth == level) & seen_by_both(truth) & ~hidden
+        error, share = errors(result, truth, side)
+        assert share > 0.97
+        assert np.median(np.abs(error)) < 0.05
+        assert np.mean(np.abs(error) > 1) < 0.01
+
+
+def test_what_only_left_sees_gets_no_range_but_a_reason(stereo, step):
+    left, right, _, hidden = step
+    status = stereo.process(left, right).status
+    assert np.mean(status[hidden] == Status.VALID) < 0.2
+    rejected = status[hidden & (status != Status.VALID)]
+    assert {Status(code) for code in np.unique(rejected)} <= REASONS
+    assert np.mean(rejected == Status.INCONSISTENT) > 0.3
+
+
+def test_dark_parts_say_so(stereo):
+    left, right = plane_pair(WIDTH, HEIGHT, 20)
+    left[60:100, 120:160] = 1
+    right[60:100, 100:140] = 1
+    status = stereo.process(left, right).status
+    assert np.mean(status[70:90, 130:150] == Status.DARK) > 0.95
+
+
+def test_overexposed_parts_say_so(stereo):
+    left, right = plane_pair(WIDTH, HEIGHT, 20)
+    left[40:120, 100:180] = 255
+    right[40:120, 80:160] = 255
+    status = stereo.process(left, right).status
+    assert np.mean(status[60:100, 120:160] == Status.SATURATED) > 0.95
+
+
+def test_a_uniform_color_gives_no_range(stereo):
+    image = np.full((HEIGHT, WIDTH, 3), (120, 60, 3), np.uint8)
+    assert stereo.process(image, image).density == 0
+
+
+def test_surfaces_outside_the_limits_get_no_range():
+    near_only = sensor(limits=(30, 60))
+    result = near_only.process(*plane_pair(WIDTH, HEIGHT, 28.5))
+    assert result.density < 0.05
+    assert np.mean(result.status == Status.OUT_OF_RANGE) > 0.5
+
+
+def test_pixels_outside_the_raw_image_say_so():
+    calibration = rig(WIDTH, HEIGHT)
+    wide = [CameraModel(c.name, c.width, c.height, c.distortion_model, c.D,
+                        c.K * [[2, 1, 1], [1, 2, 1], [1, 1, 1]], c.R, c.P)
+            for c in (calibration.left, calibration.right)]
+    truth = np.full((HEIGHT, WIDTH), 20.0)
+    status = ColorStereo(StereoCalibration(*wide), surface_settings(*LIMITS)).process(
+        *pair_of(truth)).status
+    inside = np.zeros(status.shape, bool)
+    inside[42:-42, 66:-66] = True
+    assert (status[:36] == Status.OUTSIDE_IMAGE).all()
+    assert not (status[inside] == Status.OUTSIDE_IMAGE).any()
+
+
+def test_every_documented_reason_occurs(stereo, step):
+    left, right, *_ = step
+    left, right = left.copy(), right.copy()
+    left[:16, 60:100] = 0
+    left[20:60, 20:60] = 255
+    left[100:140, 200:250] = np.random.default_rng(1).integers(0, 255, (40, 50, 3))
+    found = set(np.unique(stereo.process(left, right).status))
+    found |= set(np.unique(sensor(limits=(30, 60)).process(left, right).status))
+    assert found >= set(Status) - {Status.OUTSIDE_IMAGE}  # this one has a test of its own
+
+
+@pytest.mark.parametrize('level', [0, 128, 255])
+def test_images_of_one_gray_give_no_range(stereo, level):
+    image = np.full((HEIGHT, WIDTH, 3), level, np.uint8)
+    result = stereo.process(image, image)
+    assert result.density == 0
+    expected = {0: Status.DARK, 128: Status.AMBIGUOUS, 255: Status.SATURATED}[level]
+    assert np.mean(result.status == expected) > 0.95
+
+
+@pytest.mark.parametrize('low, high, most', [
+    (0, 256, 0.01), (0, 60, 0.01), (100, 140, 0.05), (0, 4, 0.01)])
+def test_noise_gives_hardly_any_range(stereo, low, high, most):
+    left, right = np.random.default_rng(5).integers(low, high, (2, HEIGHT, WIDTH, 3))
+    result = stereo.process(left.astype(np.uint8), right.astype(np.uint8))
+    assert result.density < most
+
+
+def test_different_scenes_in_left_and_right_give_hardly_any_range(stereo):
+    left, _ = plane_pair(WIDTH, HEIGHT, 20)
+    assert stereo.process(left, left[::-1]).density < 0.05
+
+
+def test_every_range_has_a_finite_standard_deviation(stereo, step):
+    left, right, *_ = step
+    left = left.copy()
+    left[40:70, 60:100] = 3
+    result = stereo.process(left, right)
+    valid = result.status == Status.VALID
+    assert np.isfinite(result.disparity_std[valid]).all()
+    assert (result.disparity_std[valid] > 0).all()
+
+
+def test_brightening_both_images_changes_nothing(stereo):
+    dim, bright = (stereo.process(*plane_pair(WIDTH, HEIGHT, 20.3, brightness=level, noise=False))
+                   for level in (90.0, 180.0))
+    both = np.isfinite(dim.disparity) & np.isfinite(bright.disparity)
+    assert np.count_nonzero(both) > 0.99 * np.count_nonzero(np.isfinite(bright.disparity))
+    difference = np.abs(dim.disparity - bright.disparity)[both]
+    # what remains is the rounding of the images to whole DN
+    assert np.median(difference) < 0.01 and np.percentile(difference, 99) < 0.1
+
+
+@pytest.mark.parametrize('width, height, tolerance', [
+    (101, 77, 0.1), (102, 77, 0.1), (101, 78, 0.1), (64, 48, 0.1), (65, 49, 0.1), (33, 40, 0.5),
+    (1280, 96, 0.05), (1279, 95, 0.05)])
+def test_images_of_any_size_are_measured(width, height, tolerance):
+    truth = np.full((height, width), 9.3)
+    result = sensor(width, height, (3, 24)).process(*pair_of(truth))
+    assert result.disparity.shape == (height, width)
+    inner = seen_by_both(truth, margin=2 if width < 64 else 8)
+    error, share = errors(result, truth, inner)
+    assert share > 0.9
+    assert np.median(np.abs(error)) < tolerance
+
+
+@pytest.mark.parametrize('width, height', [(16, 12), (8, 8)])
+def test_images_too_small_to_measure_do_no_harm(width, height):
+    result = sensor(width, height, (1, 4)).process(*plane_pair(width, height, 2.0))
+    assert result.status.shape == (height, width)
+
+
+def test_the_search_never_leaves_the_image():
+    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), 1.0, 1.0)
+    assert search.cost.shape[2] <= 2 * search.cost.shape[1] + 1
+
+
+def test_a_higher_confidence_leaves_fewer_and_better_ranges(step):
+    left, right, truth, _ = step
+    left = exposed(left / 255, np.random.default_rng(2), brightness=30)
+    right = exposed(right / 255, np.random.default_rng(3), brightness=30)
+    results = [sensor(matching__min_confidence=least).process(left, right)
+               for least in (0.1, 0.6, 0.95)]
+    valid = [result.status == Status.VALID for result in results]
+    wrong = [np.mean(np.abs(result.disparity - truth)[known] > 1)
+             for result, known in zip(results, valid)]
+    assert valid[0].sum() > valid[1].sum() > valid[2].sum()
+    assert not (valid[2] & ~valid[0]).any()
+    assert wrong[0] > wrong[1] > wrong[2]
+    for least, result, known in zip((0.1, 0.6, 0.95), results, valid):
+        assert result.confidence[known].min() >= least - 1e-3
+
+
+def coarse_disparity(smoothness, left, right):
+    """Return the disparities before any refinement, all that are known."""
+    return sensor(matching__smoothness=smoothness, matching__refinements=0,
+                  matching__min_confidence=0.0, matching__min_segment=0,
+                  matching__occlusion_test=False).process(left, right).disparity
+
+
+def test_smoothness_removes_steps_from_the_coarse_search():
+    left, right = plane_pair(WIDTH, HEIGHT, 20, brightness=12)
+    steps = [np.mean(np.abs(coarse_disparity(smoothness, left, right) - 20) < 1)
+             for smoothness in (0.0, 1.0)]
+    assert steps[1] > steps[0] + 0.01
+
+
+def test_each_round_of_least_squares_is_more_precise_until_it_settles():
+    truth = plane(WIDTH, HEIGHT, 29.7, 0.1, 0.05)
+    pair = pair_of(truth)
+    medians = [np.median(np.abs(errors(sensor(matching__refinements=rounds).process(*pair),
+                                       truth)[0])) for rounds in (0, 1, 2, 3)]
+    assert medians[0] > 2 * medians[1] > 2 * medians[2]
+    assert medians[3] < 1.05 * medians[2]
+
+
+def test_leaning_windows_measure_slanted_planes_better():
+    truth = plane(WIDTH, HEIGHT, 30, STEEP)
+    pair = pair_of(truth)
+    upright, leaning = (sensor(matching__slanted=slanted).process(*pair)
+                        for slanted in (False, True))
+    wrong = [np.median(np.abs(errors(result, truth)[0])) for result in (upright, leaning)]
+    assert wrong[1] < 0.7 * wrong[0]
+
+
+def test_propagation_improves_the_surroundings_of_edges(step):
+    left, right, truth, hidden = step
+    column = np.broadcast_to(np.arange(WIDTH), truth.shape)
+    beside = (np.minimum(np.abs(column - FIRST), np.abs(column - LAST)) < 10) & ~hidden
+    right_share = []
+    for propagation in (False, True):
+        result = sensor(matching__propagation=propagation).process(left, right)
+        with np.errstate(invalid='ignore'):
+            right_share.append(np.mean(np.abs(result.disparity - truth)[beside] < 0.5))
+    assert right_share[1] > right_share[0] + 0.01
+
+
+def test_color_matching_makes_up_for_different_cameras():
+    truth = plane(WIDTH, HEIGHT, 25, 0.05)
+    crosstalk = np.array([[0.8, 0.2, 0], [0.1, 0.8, 0.1], [0, 0.25, 0.75]])
+    rng = np.random.default_rng(7)
+    pair = (exposed(photographed(-truth), rng),
+            exposed(photographed(0 * truth) @ crosstalk.T, rng))
+    medians = [np.median(np.abs(errors(sensor(matching__color_matching=on).process(*pair),
+                                       truth)[0])) for on in (False, True)]
+    assert medians[1] < 0.9 * medians[0]
+
+
+def test_the_occlusion_test_rejects_what_only_left_sees(step):
+    left, right, _, hidden = step
+    shares = []
+    for on in (False, True):
+        status = sensor(matching__occlusion_test=on).process(left, right).status
+        shares.append(np.mean(status[hidden] == Status.VALID))
+        assert (status == Status.INCONSISTENT).any() == on
+    assert shares[1] < shares[0]
+
+
+@pytest.mark.parametrize('least, kept', [(0, True), (400, True), (20000, False)])
+def test_islands_smaller_than_the_least_segment_are_dropped(least, kept):
+    left, right = plane_pair(WIDTH, HEIGHT, 20)
+    lit = np.zeros((HEIGHT, WIDTH, 1), np.uint8)
+    lit[60:110, 100:150] = 1
+    result = sensor(matching__min_segment=least).process(left * lit, right * np.roll(lit, -20, 1))
+    assert (np.count_nonzero(result.status == Status.VALID) > 1500) == kept
+    if not kept:
+        assert result.density == 0
+
+
+def same_bytes(first, second):
+    """Return whether two results agree in every byte of every image."""
+    return all(getattr(first, name).tobytes() == getattr(second, name).tobytes()
+               for name in ('disparity', 'depth', 'confidence', 'status', 'disparity_std'))
+
+
+def test_the_same_pair_gives_the_same_bytes_whatever_came_before(stereo, step):
+    left, right, *_ = step
+    first = stereo.process(left, right)
+    noise = np.random.default_rng(8).integers(0, 255, left.shape).astype(np.uint8)
+    stereo.process(noise, right)
+    assert same_bytes(first, stereo.process(left, right))
+    assert same_bytes(first, sensor().process(left, right))
+
+
+def test_the_number_of_threads_does_not_matter(stereo, step):
+    left, right, *_ = step
+    most = numba.get_num_threads()
+    results = []
+    try:
+        for threads in (1, min(2, most), most):
+            numba.set_num_threads(threads)
+            results.append(stereo.process(left, right))
+    finally:
+        numba.set_num_threads(most)
+    assert same_bytes(results[0], results[1]) and same_bytes(results[0], results[2])
+
+
+def test_threads_may_share_one_sensor(stereo):
+    pairs = [plane_pair(WIDTH, HEIGHT, disparity) for disparity in (10, 20)]
+    alone = [stereo.process(*pair) for pair in pairs]
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(lambda pair: stereo.process(*pair), pairs * 3))
+    assert all(same_bytes(result, alone[k % 2]) for k, result in enumerate(together))
