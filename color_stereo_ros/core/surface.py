@@ -29,7 +29,8 @@ from .types import Measurement
 F4 = np.float32
 SOFT = F4(3.0)      # DN: keeps the chromaticity of black finite
 NOISE = F4(6.0), F4(0.25), F4(0.0006)  # DN^2, DN, 1: a plausible camera; its scale is measured
-NOISE_WEIGHT = 1.0  # of a node that shows nothing but noise: gray surfaces get no range
+NOISE_WEIGHTS = 0.15, 1.0  # of a node that shows only noise: demosaiced, independent
+INDEPENDENT = 0.85, 0.95   # change to the next pixel / to the next but one: see noise_weight
 QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
 ROBUST = F4(9.0)    # misfit at which a node counts half
 RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
@@ -41,14 +42,17 @@ INERTIA = F4(0.5)   # by how much another plane must fit better
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
 SMOOTH_MISFIT = F4(5.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
-VAGUE = F4(1.0)     # px: standard deviation of a plane that is too uncertain to publish
+COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
+VAGUE = 0.35        # px: standard deviation of a plane that is too uncertain to publish
+VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
 # Log-odds of being right within 1 px: constant, then the weights of the evidence that
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([7.18, -0.92, -0.33, -2.95, -4.38, 1.2], F4)
 HIDDEN_ODDS = F4(-1.65)
-SURROUNDINGS = 31   # nodes: here at least half of the planes of a real surface agree with
-APART = F4(0.3)     # px^0.5, their neighbors; chance matches do not,
-DISCORD_ODDS = F4(20.0)  # and lose these log-odds if no plane does
+SURROUNDINGS = 31   # nodes: here some planes of real surfaces lie closer to their neighbors
+APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
+DISCORD = F4(0.65)  # matches are chance,
+DISCORD_ODDS = F4(20.0)  # and lose up to these log-odds
 
 
 class SurfaceMethod:
@@ -81,10 +85,8 @@ class SurfaceMethod:
                           rectified_input)
         prior = Prior.of(settings.pattern, width)
         self.blur = prior.blur
-        cameras = settings.color.equalize_cameras
-        self.shared_gains = cameras == 'shared' or (
-            cameras == 'automatic' and settings.pattern.type not in APERIODIC)
-        self.noise_weight = F4(NOISE_WEIGHT / (1 + 2 * prior.blur) ** 2)
+        self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
+        self.noise_weight = F4(NOISE_WEIGHTS[0])
         self.coarse = CoarseSearch(self.nodes, width, limits,
                                    prior.smoothness * settings.matching.smoothness,
                                    prior.texture * settings.matching.texture)
@@ -119,16 +121,17 @@ class SurfaceMethod:
         """
         matching = self.settings.matching
         photometry = [channel_levels(image, self.settings.color) for image in (left, right)]
-        if self.shared_gains:
+        if self.same_cameras(photometry):
             photometry = shared(photometry)
         self.left.fill(left, *photometry[0], self.settings.color, self.blur)
         self.right.fill(right, *photometry[1], self.settings.color, self.blur)
+        self.noise_weight = F4(noise_weight(left) / (1 + 2 * self.blur) ** 2)
         clock.lap('colors')
         self.seed()
         clock.lap('coarse')
         self.matrix, self.scale = np.eye(2, 3, dtype=F4), F4(1)
         self.cost.fill(1.0)
-        self.variance.fill(1.0)
+        self.variance.fill(COARSE_VARIANCE)
         for turn in range(matching.refinements):
             self.refine(turn, clock)
         self.judge()
@@ -150,6 +153,22 @@ class SurfaceMethod:
         if turn == 0:
             self.adapt()
         clock.lap(f'compare {turn + 1}')
+
+    def same_cameras(self, levels):
+        """
+        Return whether both cameras get the same gains; levels are those of left and right.
+
+        Every part of an aperiodic pattern holds all hues alike, so that there a difference of
+        the channel means is one of the cameras; of other patterns they may see different parts.
+
+        """
+        choice = self.settings.color.equalize_cameras
+        if choice != 'automatic':
+            return choice == 'shared'
+        if self.settings.pattern.type not in APERIODIC:
+            return True
+        balance = np.log((levels[0][1] + F4(0.5)) / (levels[1][1] + F4(0.5)))
+        return np.ptp(balance) < SAME_BALANCE
 
     def seed(self):
         """Search all disparities on the coarse grid and give every node a first plane."""
@@ -251,7 +270,7 @@ class SurfaceMethod:
         kernels.settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust, self.hidden,
                        self.left.peak, self.left.s, *self.nodes,
                        self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
-                       F4(color.min_signal), HIDDEN_ODDS, log_odds(least), VAGUE,
+                       F4(color.min_signal), HIDDEN_ODDS, log_odds(least), self.vague,
                        self.std, self.confidence, self.status)
 
     def distrust_discord(self):
@@ -268,7 +287,7 @@ class SurfaceMethod:
         apart = (self.evidence[:, :, 3] > APART) * known
         size = SURROUNDINGS, SURROUNDINGS
         share = cv2.blur(apart, size) / np.maximum(cv2.blur(known, size), F4(1e-3))
-        self.trust[area] -= DISCORD_ODDS * np.maximum(F4(2) * share - F4(1), F4(0))
+        self.trust[area] -= DISCORD_ODDS * np.maximum(share - DISCORD, F4(0)) / (F4(1) - DISCORD)
 
     def expand(self, clock):
         """Return the measurement at every pixel."""
@@ -429,6 +448,25 @@ def channel_levels(image, color):
     return dark, np.maximum(sample - dark, 0).mean(axis=0)
 
 
+def noise_weight(image):
+    """
+    Return the weight that mere noise has at a node of an image, uint8 (H, W, 3).
+
+    The noise of a single-chip camera changes slowly from pixel to pixel, since demosaicing
+    interpolates; that of other cameras (and of gray images without any pattern) does not, and
+    has steeper gradients.
+
+    """
+    rows = image[8::32].astype(np.int16)
+    if rows.shape[0] == 0 or rows.shape[1] < 3:
+        return NOISE_WEIGHTS[1]
+    near = np.abs(rows[:, 1:] - rows[:, :-1]).mean()
+    far = np.abs(rows[:, 2:] - rows[:, :-2]).mean()
+    low, high = INDEPENDENT
+    share = np.clip((near / max(far, 1e-6) - low) / (high - low), 0, 1)
+    return NOISE_WEIGHTS[0] + share * (NOISE_WEIGHTS[1] - NOISE_WEIGHTS[0])
+
+
 def shared(levels):
     """Give both cameras the same channel means: they may see different parts of the pattern."""
     mean = 0.5 * (levels[0][1] + levels[1][1])
@@ -441,6 +479,7 @@ def gains_of(mean):
     return np.clip(mean.mean() / mean, 0.25, 4.0).astype(F4)
 
 
+SAME_BALANCE = 0.12  # of logarithms: cameras of one type under an aperiodic pattern
 DARKEST = 24.0  # DN: an estimated dark level above this is light
 
 
