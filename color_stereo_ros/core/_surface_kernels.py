@@ -20,6 +20,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from ._stack_kernels import stack_row
 from .types import Status
 
 FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
@@ -448,6 +449,7 @@ def linearize(left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, 
     one, two, half = F4(1), F4(2), F4(0.5)
     for k in prange(BANDS):
         first, last = band(k, BANDS, tiles.shape[0])
+        weights, moments, misfits = stack_row(), stack_row(), stack_row()
         for tile in range(first, last):
             top, left = tiles[tile, 0], tiles[tile, 1]
             for y in range(top, top + TILE_ROWS):
@@ -494,24 +496,29 @@ def linearize(left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, 
                     strength = w * steep
                     pulled = (strength * (dd[x] - reference)
                               - w * (slope_u * error_u + slope_v * error_v))
-                    out_weight[x] = strength if informed else F4(0)
-                    out_moment[x] = pulled if informed else F4(0)
-                    out_misfit[x] = chi if informed else NAN
+                    weights[x] = strength if informed else F4(0)
+                    moments[x] = pulled if informed else F4(0)
+                    misfits[x] = chi if informed else NAN
+                for x in range(TILE_COLUMNS):
+                    out_weight[x] = weights[x]
+                    out_moment[x] = moments[x]
+                    out_misfit[x] = misfits[x]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
-def smooth_sums(weight, moment, y, left, columns_, sums):
+def smooth_sums(weight, moment, y, left, sums):
     """
     Window sums of one tile row without a gate, first over rows, then over columns.
 
-    columns_ is float32 (5, TILE_COLUMNS + 2 RADIUS); sums as in `gated_sums`.
+    sums as in `gated_sums`.
 
     """
     wide = TILE_COLUMNS + 2 * RADIUS
     start = left - RADIUS
-    w0, w1, w2 = columns_[0], columns_[1], columns_[2]
-    z0, z1 = columns_[3], columns_[4]
-    columns_[:] = F4(0)
+    w0, w1, w2, z0, z1 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    for row in (w0, w1, w2, z0, z1):
+        for x in range(wide):
+            row[x] = F4(0)
     for j in range(-RADIUS, RADIUS + 1):
         w = weight[y + j, start:start + wide]
         z = moment[y + j, start:start + wide]
@@ -522,6 +529,8 @@ def smooth_sums(weight, moment, y, left, columns_, sums):
             w2[x] += w[x] * (step * step)
             z0[x] += z[x]
             z1[x] += z[x] * step
+    m0, m1, m2, m3, m4 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    m5, m6, m7, m8 = stack_row(), stack_row(), stack_row(), stack_row()
     for x in range(TILE_COLUMNS):
         s0, s1, s2, s3, s4, s5 = F4(0), F4(0), F4(0), F4(0), F4(0), F4(0)
         t0, t1, t2 = F4(0), F4(0), F4(0)
@@ -536,34 +545,48 @@ def smooth_sums(weight, moment, y, left, columns_, sums):
             t0 += z0[x + i]
             t1 += z0[x + i] * step
             t2 += z1[x + i]
-        sums[0, x], sums[1, x], sums[2, x] = s0, s1, s2
-        sums[3, x], sums[4, x], sums[5, x] = s3, s4, s5
-        sums[6, x], sums[7, x], sums[8, x] = t0, t1, t2
-        sums[9, x] = F4(SPAN * SPAN)
+        m0[x], m1[x], m2[x], m3[x], m4[x] = s0, s1, s2, s3, s4
+        m5[x], m6[x], m7[x], m8[x] = s5, t0, t1, t2
+    copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8), sums)
+    sums[9] = F4(SPAN * SPAN)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def copy_sums(rows, sums):
+    """Write a tuple of stack rows into the first rows of sums."""
+    for k in range(len(rows)):
+        row = rows[k]
+        for x in range(TILE_COLUMNS):
+            sums[k, x] = row[x]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
-def gated_sums(weight, moment, d, a, b, y, left, gate, stride, row, sums):
+def gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums):
     """
     Window sums of one tile row over the nodes that lie on the surface of the center.
 
     A node counts where its own disparity is within `gate` of the plane of the center; of the
-    window rows every `stride`-th is looked at. sums is
-    (10, TILE_COLUMNS): the moments 1, x, y, xx, xy, yy of weight and 1, x, y of moment, and the
-    number of nodes; row is float32 (7, TILE_COLUMNS).
+    window rows every `stride`-th is looked at. sums is (10, TILE_COLUMNS): the moments 1, x, y,
+    xx, xy, yy of weight and 1, x, y of moment, and the number of nodes.
 
     """
-    sums[:] = F4(0)
     dc = d[y, left:left + TILE_COLUMNS]
     ac = a[y, left:left + TILE_COLUMNS]
     bc = b[y, left:left + TILE_COLUMNS]
-    base, s0, s1, s2, t0, t1 = row[0], row[1], row[2], row[3], row[4], row[5]
-    count = row[6]
+    m0, m1, m2, m3, m4 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    m5, m6, m7, m8, m9 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    base, s0, s1, s2 = stack_row(), stack_row(), stack_row(), stack_row()
+    t0, t1, count = stack_row(), stack_row(), stack_row()
+    for row in (m0, m1, m2, m3, m4, m5, m6, m7, m8, m9):
+        for x in range(TILE_COLUMNS):
+            row[x] = F4(0)
     for j in range(-RADIUS, RADIUS + 1, stride):
         row_y = F4(j)
-        row[:] = F4(0)
         for x in range(TILE_COLUMNS):
             base[x] = dc[x] + bc[x] * row_y
+        for row in (s0, s1, s2, t0, t1, count):
+            for x in range(TILE_COLUMNS):
+                row[x] = F4(0)
         for i in range(-RADIUS, RADIUS + 1):
             step = F4(i)
             w_row = weight[y + j, left + i:left + i + TILE_COLUMNS]
@@ -571,8 +594,9 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, stride, row, sums):
             d_row = d[y + j, left + i:left + i + TILE_COLUMNS]
             for x in range(TILE_COLUMNS):
                 near = abs(d_row[x] - (base[x] + ac[x] * step)) < gate
-                w = w_row[x] if near else F4(0)
-                z = z_row[x] if near else F4(0)
+                w, z = w_row[x], z_row[x]
+                w = w if near else F4(0)
+                z = z if near else F4(0)
                 s0[x] += w
                 s1[x] += w * step
                 s2[x] += w * (step * step)
@@ -580,16 +604,17 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, stride, row, sums):
                 t1[x] += z * step
                 count[x] += F4(1) if near else F4(0)
         for x in range(TILE_COLUMNS):
-            sums[0, x] += s0[x]
-            sums[1, x] += s1[x]
-            sums[2, x] += s0[x] * row_y
-            sums[3, x] += s2[x]
-            sums[4, x] += s1[x] * row_y
-            sums[5, x] += s0[x] * (row_y * row_y)
-            sums[6, x] += t0[x]
-            sums[7, x] += t1[x]
-            sums[8, x] += t0[x] * row_y
-            sums[9, x] += count[x]
+            m0[x] += s0[x]
+            m1[x] += s1[x]
+            m2[x] += s0[x] * row_y
+            m3[x] += s2[x]
+            m4[x] += s1[x] * row_y
+            m5[x] += s0[x] * (row_y * row_y)
+            m6[x] += t0[x]
+            m7[x] += t1[x]
+            m8[x] += t0[x] * row_y
+            m9[x] += count[x]
+    copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8, m9), sums)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -603,6 +628,7 @@ def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, ne
     has gradients, too: what they add to the weights, noise_weight a node, is no information.
 
     """
+    solved_d, solved_a, solved_b, spreads = stack_row(), stack_row(), stack_row(), stack_row()
     for x in range(TILE_COLUMNS):
         known = sums[0, x] > F4(1e-6)
         s0 = max(sums[0, x], F4(1e-6))
@@ -623,12 +649,17 @@ def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, ne
         solved = sums[6, x] * inverse - mean_x * slope_x - mean_y * slope_y
         spread = (mean_x * mean_x * yy - F4(2) * mean_x * mean_y * xy
                   + mean_y * mean_y * xx) * inverse_det
-        new_d[x] = reference + solved if known else d[x]
-        new_a[x] = slope_x if known else a[x]
-        new_b[x] = slope_y if known else b[x]
+        solved_d[x] = reference + solved if known else d[x]
+        solved_a[x] = slope_x if known else a[x]
+        solved_b[x] = slope_y if known else b[x]
         signal = sums[0, x] - noise_weight * sums[9, x]
         known = known & (signal > F4(0.02) * s0)
-        variance[x] = (inverse + spread) * (s0 / signal) if known else F4(np.inf)
+        spreads[x] = (inverse + spread) * (s0 / signal) if known else F4(np.inf)
+    for x in range(TILE_COLUMNS):
+        new_d[x] = solved_d[x]
+        new_a[x] = solved_a[x]
+        new_b[x] = solved_b[x]
+        variance[x] = spreads[x]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -658,8 +689,6 @@ def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, stride, noise_weigh
     for k in prange(BANDS):
         first, last = band(k, BANDS, tiles.shape[0])
         sums = np.empty((10, TILE_COLUMNS), F4)
-        row = np.empty((7, TILE_COLUMNS), F4)
-        columns_ = np.empty((5, TILE_COLUMNS + 2 * RADIUS), F4)
         for tile in range(first, last):
             top, left = tiles[tile, 0], tiles[tile, 1]
             right = left + TILE_COLUMNS
@@ -671,9 +700,9 @@ def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, stride, noise_weigh
                 continue
             for y in range(top, top + TILE_ROWS):
                 if smooth[tile]:
-                    smooth_sums(weight, moment, y, left, columns_, sums)
+                    smooth_sums(weight, moment, y, left, sums)
                 else:
-                    gated_sums(weight, moment, d, a, b, y, left, gate, stride, row, sums)
+                    gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums)
                 solve_row(sums, d[y, left:right], a[y, left:right], b[y, left:right],
                           noise_weight, ridge, steepest, reference, new_d[y, left:right],
                           new_a[y, left:right], new_b[y, left:right], variance[y, left:right])
@@ -743,6 +772,7 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     start = left - HALO
     stop = start + PATCH_COLUMNS
     lean_x, lean_y = F4(step_x), F4(step_y)
+    misfits = stack_row()
     for py in range(PATCH_ROWS):
         y = top - HALO + py
         dd = d[y + step_y, start + step_x:stop + step_x]
@@ -771,7 +801,9 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
             chi = (error_u * error_u + error_v * error_v) / spread
             chi = min(chi, cap)
             chi = chi if noise < FLAT else F4(0.5) * cap
-            row[x] = chi if known else cap
+            misfits[x] = chi if known else cap
+        for x in range(PATCH_COLUMNS):
+            row[x] = misfits[x]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
