@@ -49,7 +49,8 @@ VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([7.18, -0.92, -0.33, -2.95, -4.38, 1.2], F4)
 HIDDEN_ODDS = F4(-1.65)
-SURROUNDINGS = 31   # nodes: here some planes of real surfaces lie closer to their neighbors
+THINNED = 2         # nodes between samples
+SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
 APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
 DISCORD = F4(0.65)  # matches are chance,
 DISCORD_ODDS = F4(20.0)  # and lose up to these log-odds
@@ -283,11 +284,15 @@ class SurfaceMethod:
         """
         rows, columns = self.nodes
         area = np.s_[kernels.PAD:kernels.PAD + rows, kernels.PAD:kernels.PAD + columns]
-        known = (self.variance[area] < F4(0.25)).astype(F4)
-        apart = (self.evidence[:, :, 3] > APART) * known
-        size = SURROUNDINGS, SURROUNDINGS
-        share = cv2.blur(apart, size) / np.maximum(cv2.blur(known, size), F4(1e-3))
-        self.trust[area] -= DISCORD_ODDS * np.maximum(share - DISCORD, F4(0)) / (F4(1) - DISCORD)
+        thinned = np.s_[::THINNED, ::THINNED]  # a share needs no more samples
+        known = (self.variance[area][thinned] < F4(0.25)).astype(F4)
+        apart = (self.evidence[:, :, 3][thinned] > APART) * known
+        share = (cv2.blur(apart, SURROUNDINGS) /
+                 np.maximum(cv2.blur(known, SURROUNDINGS), F4(1e-3)))
+        excess = np.maximum(share - DISCORD, F4(0))
+        if excess.any():
+            self.trust[area] -= (DISCORD_ODDS / (F4(1) - DISCORD)) * cv2.resize(
+                excess, (columns, rows), interpolation=cv2.INTER_LINEAR)
 
     def expand(self, clock):
         """Return the measurement at every pixel."""
