@@ -64,6 +64,7 @@ def expected(rig, **options):
 
 def all_outputs(rig):
     """Send a pair and return its outputs by topic, once a change of calibration is settled."""
+    rig.received['depth/image'].clear()
     rig.first_output('depth/image')
     stamp = rig.send_pair()
     return {topic: rig.await_output(topic, stamp) for topic in TOPICS}
