@@ -235,3 +235,14 @@ def test_a_sample_made_again_holds_the_same(tmp_path, recorded, calibration, ima
         if path.name != 'truth.npz':  # zip files carry the time of their making
             assert (tmp_path / 'first' / path).read_bytes() == (
                 tmp_path / 'second' / path).read_bytes()
+
+
+def test_a_recording_is_never_converted_onto_itself(tmp_path, capsys):
+    recording = Path(__file__).resolve().parents[1] / 'sample' / 'solids_hue1' / 'recording'
+    assert cli.main(['convert', str(recording), str(recording), '--overwrite']) == 2
+    assert 'is the recording itself' in capsys.readouterr().err
+
+
+def test_a_sample_is_never_written_into_its_scene(tmp_path, capsys):
+    assert cli.main(['sample', str(tmp_path), str(tmp_path)]) == 2
+    assert 'is the scene itself' in capsys.readouterr().err

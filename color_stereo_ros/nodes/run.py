@@ -51,7 +51,11 @@ def _run(make_node, args, stop):
 
     from ..core.types import ColorStereoError
 
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # a parameter file that is not there, or no YAML
+        print(f'the arguments of the node are refused: {error}'.splitlines()[0], file=sys.stderr)
+        return 1
     node = None
     try:
         node = make_node()

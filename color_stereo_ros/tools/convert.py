@@ -24,13 +24,19 @@ def add_arguments(parser):
 
 def run(args):
     """Convert the recording of the command line."""
+    from pathlib import Path
+
     from tqdm import tqdm
 
+    from ..core import RecordingError
     from ..nodes.parameters import RangeNodeSettings
     from .arguments import settings_from
     from .offline import OfflineNode
     from .recording import Recording, write_recording
     settings = settings_from(args, RangeNodeSettings())
+    if Path(args.recording).resolve() == Path(args.result).resolve():
+        raise RecordingError(f'{args.result}: is the recording itself; name another folder for '
+                             'the result')
     with Recording(args.recording) as recording:
         topics = recording.stereo_topics(args.namespace)
         with write_recording(args.result, overwrite=args.overwrite) as writer, \

@@ -31,6 +31,7 @@ OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': Poin
            'status/image': Image}
 
 LOG = 'log'
+MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
 NOTE_AFTER = 5.0  # s: whoever waits longer is told why
 
 COMMANDS = """\
@@ -68,6 +69,7 @@ class Demo:
     def run(self):
         """Return the path of the page."""
         self._make_room()
+        write_text(self.output / MARK, 'Made by `color_stereo demo`, which replaces this folder.\n')
         with ros_node('color_stereo_demo') as node:
             measurements = [self._measure(node, folder) for folder in self.samples]
         self._say('writing the page')
@@ -84,7 +86,7 @@ class Demo:
         """Remove the output of an earlier run, and nothing else."""
         if not self.output.exists() or not any(self.output.iterdir()):
             return
-        if not (self.output / LOG).is_dir():
+        if not (self.output / MARK).is_file():
             raise RecordingError(f'{self.output}: holds something else than the output of an '
                                  'earlier demo, so it is not replaced')
         shutil.rmtree(self.output)

@@ -65,6 +65,9 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
     from .arguments import settings_yaml
     from .files import write_text, written_whole
     from .recording import write_recording
+    from ..core import RecordingError
+    if output.resolve() == scene.resolve():
+        raise RecordingError(f'{output}: is the scene itself; name another folder for the sample')
     pair = load_folder(scene, values)
     with write_recording(output / RECORDING, overwrite=overwrite) as writer:
         for index in range(pairs):
