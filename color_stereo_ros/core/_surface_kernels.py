@@ -869,26 +869,40 @@ def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, sca
 def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, new_d, new_a,
                 new_b, cost):
     """Write the plane of a candidate where its trial cost beats the best so far."""
+    if own:
+        copy_tile(d, a, b, top, left, new_d, new_a, new_b)
+        for y in range(TILE_ROWS):
+            cost[top + y, left:left + TILE_COLUMNS] = best[y]
+            best[y] -= inertia
+        return
+    lean_x, lean_y = F4(step_x), F4(step_y)
+    best_d, best_a, best_b, costs, lows = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
     for y in range(TILE_ROWS):
-        row = top + y
-        source = row + step_y
+        source, start = top + y + step_y, left + step_x
+        old_d = d[source, start:start + TILE_COLUMNS]
+        old_a = a[source, start:start + TILE_COLUMNS]
+        old_b = b[source, start:start + TILE_COLUMNS]
+        row_d = new_d[top + y, left:left + TILE_COLUMNS]
+        row_a = new_a[top + y, left:left + TILE_COLUMNS]
+        row_b = new_b[top + y, left:left + TILE_COLUMNS]
+        row_cost = cost[top + y, left:left + TILE_COLUMNS]
+        trials, bests = trial[y], best[y]
         for x in range(TILE_COLUMNS):
-            column = left + x
-            if own:
-                new_d[row, column] = d[row, column]
-                new_a[row, column] = a[row, column]
-                new_b[row, column] = b[row, column]
-                cost[row, column] = best[y, x]
-                best[y, x] -= inertia
-            elif trial[y, x] < best[y, x]:
-                best[y, x] = trial[y, x]
-                slope_x = a[source, column + step_x]
-                slope_y = b[source, column + step_x]
-                new_d[row, column] = (d[source, column + step_x] - slope_x * F4(step_x)
-                                      - slope_y * F4(step_y))
-                new_a[row, column] = slope_x
-                new_b[row, column] = slope_y
-                cost[row, column] = trial[y, x]
+            better = trials[x] < bests[x]
+            slope_x, slope_y = old_a[x], old_b[x]
+            moved = old_d[x] - slope_x * lean_x - slope_y * lean_y
+            last_d, last_a, last_b, last_cost = row_d[x], row_a[x], row_b[x], row_cost[x]
+            best_d[x] = moved if better else last_d
+            best_a[x] = slope_x if better else last_a
+            best_b[x] = slope_y if better else last_b
+            costs[x] = trials[x] if better else last_cost
+            lows[x] = trials[x] if better else bests[x]
+        for x in range(TILE_COLUMNS):
+            row_d[x] = best_d[x]
+            row_a[x] = best_a[x]
+            row_b[x] = best_b[x]
+            row_cost[x] = costs[x]
+            bests[x] = lows[x]
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
@@ -906,33 +920,51 @@ def judge(d, a, b, cost, misfit, variance, color_variance_, rows, columns, model
     ninth, quarter = F4(1.0 / 9.0), F4(0.25)
     for k in prange(BANDS):
         first, last = band(k, BANDS, rows)
+        e0, e1, e2, e3 = stack_row(), stack_row(), stack_row(), stack_row()
+        e4, log_odds = stack_row(), stack_row()
         for row in range(first, last):
             y = row + PAD
-            for x in range(PAD, PAD + columns):
-                total = F4(0)
-                for j in range(-1, 2):
-                    for i in range(-1, 2):
-                        chi = misfit[y + j, x + i]
-                        total += chi if chi < CEILING else CEILING
-                here = d[y, x]
-                lean_x, lean_y = a[y, x], b[y, x]
-                apart = (apartness(d[y, x + 1] - here - lean_x)
-                         + apartness(d[y, x - 1] - here + lean_x)
-                         + apartness(d[y + 1, x] - here - lean_y)
-                         + apartness(d[y - 1, x] - here + lean_y))
-                e0 = math.sqrt(min(cost[y, x], CEILING))
-                e1 = math.sqrt(total * ninth)
-                e2 = math.sqrt(math.sqrt(min(variance[y, x], F4(1))))
-                e3 = math.sqrt(quarter * apart)
-                evidence[row, x - PAD, 0] = e0
-                evidence[row, x - PAD, 1] = e1
-                evidence[row, x - PAD, 2] = e2
-                evidence[row, x - PAD, 3] = e3
-                e4 = math.sqrt(min(color_variance_[y, x], FLAT))
-                evidence[row, x - PAD, 4] = e4
-                odds = (model[0] + model[1] * e0 + model[2] * e1 + model[3] * e2 + model[4] * e3
-                        + model[5] * e4)
-                trust[y, x] = odds if here == here else UNKNOWN
+            for start in range(0, columns, TILE_COLUMNS):
+                left, count = start + PAD, min(TILE_COLUMNS, columns - start)
+                right = left + count
+                above, below = d[y - 1, left:right], d[y + 1, left:right]
+                here = d[y, left - 1:right + 1]
+                lean_x, lean_y = a[y, left:right], b[y, left:right]
+                chi0 = misfit[y - 1, left - 1:right + 1]
+                chi1 = misfit[y, left - 1:right + 1]
+                chi2 = misfit[y + 1, left - 1:right + 1]
+                fit, spread = cost[y, left:right], variance[y, left:right]
+                color = color_variance_[y, left:right]
+                for x in range(count):
+                    total = F4(0)
+                    for i in range(3):
+                        total += capped(chi0[x + i]) + capped(chi1[x + i]) + capped(chi2[x + i])
+                    center = here[x + 1]
+                    apart = (apartness(here[x + 2] - center - lean_x[x])
+                             + apartness(here[x] - center + lean_x[x])
+                             + apartness(below[x] - center - lean_y[x])
+                             + apartness(above[x] - center + lean_y[x]))
+                    e0[x] = math.sqrt(capped(fit[x]))
+                    e1[x] = math.sqrt(total * ninth)
+                    e2[x] = math.sqrt(math.sqrt(min(spread[x], F4(1))))
+                    e3[x] = math.sqrt(quarter * apart)
+                    e4[x] = math.sqrt(min(color[x], FLAT))
+                    odds = (model[0] + model[1] * e0[x] + model[2] * e1[x] + model[3] * e2[x]
+                            + model[4] * e3[x] + model[5] * e4[x])
+                    log_odds[x] = odds if center == center else UNKNOWN
+                for x in range(count):
+                    evidence[row, start + x, 0] = e0[x]
+                    evidence[row, start + x, 1] = e1[x]
+                    evidence[row, start + x, 2] = e2[x]
+                    evidence[row, start + x, 3] = e3[x]
+                    evidence[row, start + x, 4] = e4[x]
+                    trust[y, left + x] = log_odds[x]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def capped(misfit):
+    """Return a misfit, at most CEILING; NaN counts as that."""
+    return misfit if misfit < CEILING else CEILING
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -999,26 +1031,41 @@ def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
     for k in prange(BANDS):
         first, last = band(k, BANDS, rows)
         owner = scratch[k]
+        most = np.empty(width, F4)  # trust of the owners
+        flags = stack_row()
         for row in range(first, last):
             y = row + PAD
+            dd, aa = d[y, PAD:PAD + columns], a[y, PAD:PAD + columns]
+            own = trust[y, PAD:PAD + columns]
+            marks = hidden[y, PAD:PAD + columns]
             owner[:] = -1
-            for x in range(PAD, PAD + columns):
-                if trust[y, x] > ISLAND:
-                    center = F4(2 * (x - PAD)) - d[y, x]
-                    reach = min(max(F4(0.5), F4(1) - F4(0.5) * a[y, x]), F4(4))
-                    start = max(int(math.ceil(center - reach)), 0)
-                    stop = min(int(math.floor(center + reach)), width - 1)
+            most[:] = ISLAND
+            for x in range(columns):
+                if own[x] > ISLAND:
+                    center = F4(2 * x) - dd[x]
+                    reach = min(max(F4(0.5), F4(1) - F4(0.5) * aa[x]), F4(4))
+                    start = max(np.int32(math.ceil(center - reach)), np.int32(0))
+                    stop = min(np.int32(math.floor(center + reach)), np.int32(width - 1))
                     for at in range(start, stop + 1):
-                        if owner[at] < 0 or trust[y, x] > trust[y, owner[at]]:
+                        if own[x] > most[at]:
+                            most[at] = own[x]
                             owner[at] = x
-            for x in range(PAD, PAD + columns):
-                hidden[y, x] = False
-                if trust[y, x] > ISLAND:
-                    at = int(math.floor(F4(2 * (x - PAD)) - d[y, x] + F4(0.5)))
-                    if 0 <= at < width and owner[at] >= 0:
-                        rival = owner[at]
-                        apart = abs(d[y, rival] + a[y, rival] * F4(x - rival) - d[y, x])
-                        hidden[y, x] = apart > tolerance + F4(0.25) * abs(F4(x - rival))
+            for start in range(0, columns, TILE_COLUMNS):
+                count = min(TILE_COLUMNS, columns - start)
+                for i in range(count):
+                    x = start + i
+                    known = own[x] > ISLAND
+                    place = math.floor(F4(2 * x) + F4(0.5) - (dd[x] if known else F4(0)))
+                    known = known & (place >= 0) & (place < width)
+                    rival = owner[np.uint32(place if known else 0)]
+                    known = known & (rival >= 0)
+                    at = np.uint32(rival if known else 0)
+                    away = F4(x) - F4(rival)
+                    apart = abs(dd[at] + aa[at] * away - dd[x])
+                    flags[i] = F4(1) if known & (
+                        apart > tolerance + F4(0.25) * abs(away)) else F4(0)
+                for i in range(count):
+                    marks[start + i] = flags[i] > F4(0)
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
