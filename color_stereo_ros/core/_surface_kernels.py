@@ -876,7 +876,8 @@ def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, n
             best[y] -= inertia
         return
     lean_x, lean_y = F4(step_x), F4(step_y)
-    best_d, best_a, best_b, costs, lows = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    best_d, best_a, best_b = stack_row(), stack_row(), stack_row()
+    costs, lows = stack_row(), stack_row()
     for y in range(TILE_ROWS):
         source, start = top + y + step_y, left + step_x
         old_d = d[source, start:start + TILE_COLUMNS]

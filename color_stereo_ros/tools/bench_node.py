@@ -12,6 +12,7 @@ import json
 import os
 from pathlib import Path
 from random import SystemRandom
+import re
 import subprocess
 import sys
 import tempfile
@@ -41,9 +42,10 @@ def measured(folder, rates, seconds, environment=None):
     Returns
     -------
     found : dict
-        `first` (s from process start to the first cloud), `peak_mb`, and `rates`: a list of
-        dicts with `rate`, `sent`, `answered`, `out_of_order`, `oldest_ms` and the node's own
-        `p50_ms`, `p99_ms`, `dropped`.
+        `ready` and `first` (s from process start until the node says so, and to the first
+        cloud), `peak_mb`, and `rates`: a list of dicts with `rate`, `sent`, `answered`,
+        `out_of_order`, `oldest_ms`, `cpu_ms` (processor time of the node per answer) and the
+        node's own `p50_ms`, `p99_ms`, `dropped`.
 
     """
     order = {'folder': str(folder), 'rates': list(rates), 'seconds': seconds}
@@ -105,7 +107,14 @@ class Bench:
             '-p', 'output.diagnostics_period:=0.5')
         first = self._first()
         rates = [self._at(rate) for rate in self._order['rates']]
-        return {'first': first, 'rates': rates, 'peak_mb': peak_memory(self._pid)}
+        return {'ready': self._ready(), 'first': first, 'rates': rates,
+                'peak_mb': peak_memory(self._pid)}
+
+    def _ready(self):
+        """Return s from the start of the process until the node said that it is ready."""
+        said = re.search(r'\[(\d+\.\d+)\] \[range_node\]: ready after',
+                         self._processes.log('range_node'))
+        return float(said[1]) - self._start * 1e-9
 
     def _parameters(self):
         """Return the arguments that set the depth limits of the bench."""
@@ -142,15 +151,15 @@ class Bench:
         """Send pairs at a rate; return its figures."""
         self._cameras.stream(rate, SETTLE)
         self._spin(SETTLE)
-        before = dict(self._diagnostics)
+        before, busy = dict(self._diagnostics), processor_time(self._pid)
         sent = set(self._cameras.stream(rate, self._order['seconds']))
         self._spin(SETTLE)
-        after = self._diagnostics
+        after, busy = self._diagnostics, processor_time(self._pid) - busy
         answers = [answer for answer in self._answers() if answer[0] in sent]
         stamps = [stamp for stamp, _ in answers]
         return {
             'rate': rate, 'sent': len(sent), 'answered': len(set(stamps)),
-            'measured': int(after['measured']) - int(before['measured']),
+            'cpu_ms': 1e3 * busy / max(len(set(stamps)), 1),
             'dropped': (int(after['pairs dropped for newer ones'])
                         - int(before['pairs dropped for newer ones'])),
             'out_of_order': sum(b <= a for a, b in zip(stamps, stamps[1:])),
@@ -202,6 +211,12 @@ class Cameras:
             time.sleep(max(0.0, start + turn / rate - time.monotonic()))
             stamps.append(self.send())
         return stamps
+
+
+def processor_time(pid):
+    """Return how long a process has used a core so far, s."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def peak_memory(pid):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times of `ColorStereo.process` and of OpenCV's matchers, all contenders in turn (A B A B ...)."""
+"""Times of `ColorStereo.process` and of OpenCV's matchers, taken in turn (A B A B ...)."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass
