@@ -348,6 +348,14 @@ def test_the_same_pair_gives_the_same_bytes_whatever_came_before(stereo, step):
     assert same_bytes(first, sensor().process(left, right))
 
 
+def test_nothing_of_the_last_pair_stays_in_tiles_that_reach_beyond_the_image():
+    width, height = WIDTH - 22, HEIGHT - 12  # neither is a whole number of tiles
+    sensors = [sensor(width, height) for _ in range(2)]
+    sensors[0].process(*plane_pair(width, height, 33))
+    pair = plane_pair(width, height, 10, 0.1)
+    assert same_bytes(*(one.process(*pair) for one in sensors))
+
+
 def test_the_number_of_threads_does_not_matter(stereo, step):
     left, right, *_ = step
     most = numba.get_num_threads()

@@ -174,6 +174,11 @@ class SurfaceMethod:
     def seed(self):
         """Search all disparities on the coarse grid and give every node a first plane."""
         found = self.coarse.search(self.left, self.right)
+        # tiles reach beyond the nodes, and what a fit left there belongs to the last pair
+        rows, columns = (kernels.PAD + count for count in self.nodes)
+        for plane, nothing in zip(self.planes, (np.nan, 0, 0)):
+            plane[rows:] = nothing
+            plane[:, columns:] = nothing
         # right coarse nodes are averages of columns that lie half a pixel further right
         kernels.seed_planes(found, self.coarse.factor, F4(-0.5), *self.nodes, *self.planes)
 
