@@ -2,6 +2,7 @@
 """A rig for the tests of the nodes: node processes, two tiny cameras, and what comes out."""
 
 from array import array
+from contextlib import contextmanager
 import os
 from pathlib import Path
 from random import SystemRandom
@@ -315,3 +316,26 @@ def values_of(status):
 def floats(msg):
     """Return the pixels of a 32FC1 image message."""
     return np.frombuffer(msg.data, np.float32).reshape(msg.height, msg.width)
+
+
+@contextmanager
+def answering(log, parameters, kinds, first):
+    """
+    Yield a rig whose range_node has answered once; afterwards the node must end in good order.
+
+    kinds: topics that are listened to and their message classes; first: topic of the answer.
+
+    """
+    node = NodeProcess(log, parameters=parameters)
+    rig = Rig()
+    rig.process = node
+    for topic, kind in kinds.items():
+        rig.listen(kind, topic)
+    rig.wait_for_node()
+    rig.wait_for_publishers()
+    rig.first_output(first)
+    yield rig
+    status = node.stop()
+    rig.close()
+    assert status == 0, node.text()
+    assert 'Traceback' not in node.text()

@@ -115,7 +115,8 @@ def test_switches_come_from_the_settings_and_switch_something_off():
         assert all(default[name] and not value for name, value in found.items())
         Settings().updated(found)
     assert 'color.equalize' in ablation.switches('paper')
-    assert set(ablation.switches('paper')) & set(ablation.switches('surface')) == {'color.equalize'}
+    common = set(ablation.switches('paper')) & set(ablation.switches('surface'))
+    assert common == {'color.equalize'}
 
 
 def test_an_ablation_measures_the_whole_and_every_switch():

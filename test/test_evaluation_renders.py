@@ -5,13 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sim_scenes import CARD, scene_of, small_rig
 
-pytest.importorskip('mitsuba')
-
-from sim_scenes import CARD, scene_of, small_rig  # noqa: E402
-
-from color_stereo_ros.core import ColorStereoError, PatternSettings  # noqa: E402
-from color_stereo_ros.evaluation import experiments, renders  # noqa: E402
+from color_stereo_ros.core import ColorStereoError, PatternSettings
+from color_stereo_ros.evaluation import experiments, renders
 from color_stereo_ros.sim.electronics import expose  # noqa: E402
 
 PATTERN = PatternSettings(width=128, height=128)

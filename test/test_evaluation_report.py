@@ -11,13 +11,9 @@ import pytest
 from scenes import SCENES
 
 from color_stereo_ros.core import PatternSettings
-from color_stereo_ros.evaluation import datasets, experiments
+from color_stereo_ros.evaluation import datasets, experiments, report
 from color_stereo_ros.evaluation.numbers import write_json
 from color_stereo_ros.tools import evaluate
-
-pytest.importorskip('matplotlib')
-
-from color_stereo_ros.evaluation import report  # noqa: E402
 
 LIMITS = {'range.min_depth': 0.22, 'range.max_depth': 0.62}
 PLAN = experiments.Plan(distances=(350,), materials=('white_cardboard',), complex=('prism',),

@@ -24,8 +24,8 @@ import pytest
 
 from rclpy.qos import (QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy)
 
-from ros_rig import (calibration, HEIGHT, image_message, info_message, NodeProcess, PAPER, Rig,
-                     ROOT, scene, values_of, WIDTH)
+from ros_rig import (answering, calibration, HEIGHT, image_message, info_message, NodeProcess,
+                     PAPER, Rig, ROOT, scene, values_of, WIDTH)
 
 from rosgraph_msgs.msg import Clock
 
@@ -48,19 +48,10 @@ def depth_of(rig):
 @pytest.fixture(scope='module')
 def running(tmp_path_factory):
     """Yield a rig and the one node that most rows share."""
-    node = NodeProcess(tmp_path_factory.mktemp('faults') / 'log.txt', parameters=PARAMETERS)
-    rig = Rig()
-    rig.process = node
-    rig.listen(Image, DEPTH)
-    rig.wait_for_node()
-    rig.wait_for_publishers()
-    rig.first_output(DEPTH)
-    rig.truth = depth_of(rig)
-    yield rig
-    status = node.stop()
-    rig.close()
-    assert status == 0, node.text()
-    assert 'Traceback' not in node.text()
+    log = tmp_path_factory.mktemp('faults') / 'log.txt'
+    with answering(log, PARAMETERS, {DEPTH: Image}, DEPTH) as rig:
+        rig.truth = depth_of(rig)
+        yield rig
 
 
 @pytest.fixture

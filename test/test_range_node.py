@@ -11,8 +11,8 @@ import numpy as np
 
 import pytest
 
-from ros_rig import (calibration, DEPTH, floats, HEIGHT, image_message, NodeProcess, PAPER, Rig,
-                     scene, WIDTH)
+from ros_rig import (answering, calibration, DEPTH, floats, HEIGHT, image_message, NodeProcess,
+                     PAPER, scene, WIDTH)
 
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
@@ -30,19 +30,8 @@ DEFAULTS = {'output.depth_encoding': '32FC1', 'output.frame': 'rectified',
 def running(tmp_path_factory):
     """Yield a rig with a node that has answered once."""
     log = tmp_path_factory.mktemp('range_node') / 'log.txt'
-    node = NodeProcess(log, parameters=PAPER)
-    rig = Rig()
-    rig.process = node
-    for topic, kind in TOPICS.items():
-        rig.listen(kind, topic)
-    rig.wait_for_node()
-    rig.wait_for_publishers()
-    rig.first_output('range_image')
-    yield rig
-    status = node.stop()
-    rig.close()
-    assert status == 0, node.text()
-    assert 'Traceback' not in node.text()
+    with answering(log, PAPER, TOPICS, 'range_image') as rig:
+        yield rig
 
 
 @pytest.fixture
