@@ -26,7 +26,7 @@ bench:  ## measure times, beside OpenCV's matchers
 
 evaluate:  ## the paper's experiments on the simulated rig, as a report in evaluation_output/
 	@.ci/setup ros,tools,sim
-	@$(COLOR_STEREO) evaluate --output evaluation_output
+	@$(COLOR_STEREO) evaluate
 
 floor:  ## run all tests on the oldest versions that are supported, Ubuntu 24.04's
 	@VENV=.venv-floor PYTHONS=3.12 PIP_CONSTRAINT=test/floor-requirements.txt \

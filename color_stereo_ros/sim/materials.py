@@ -28,8 +28,8 @@ class Material:
     """Printed texture: pattern, scale and contrast; see `texture_image`."""
 
 
-# Albedos: measured orders of magnitude. The metals' roughness makes OpenCV's StereoSGBM answer
-# for about as many of their pixels as it does on photographs of such parts.
+# Albedos: measured orders of magnitude. The roughness of metals and dark plastic was chosen so
+# that OpenCV's StereoSGBM answers for about as many pixels as on other renderings of such parts.
 MATERIALS = {
     'white_cardboard': Material((0.82, 0.82, 0.80)),
     'gray_cardboard': Material((0.35, 0.35, 0.34)),

@@ -3,7 +3,6 @@
 
 from datetime import datetime
 import os
-from pathlib import Path
 import platform
 import shutil
 import time
@@ -37,7 +36,8 @@ NOTE_AFTER = 5.0  # s: whoever waits longer is told why
 COMMANDS = """\
 color_stereo replay {recording} --loop
 ros2 run color_stereo_ros range_node --ros-args --params-file {settings}
-ros2 run color_stereo_ros pattern_node
+ros2 run color_stereo_ros pattern_node --ros-args --params-file {settings}
+ros2 topic echo --no-arr points
 """
 
 
@@ -69,7 +69,8 @@ class Demo:
     def run(self):
         """Return the path of the page."""
         self._make_room()
-        write_text(self.output / MARK, 'Made by `color_stereo demo`, which replaces this folder.\n')
+        write_text(self.output / MARK,
+                   'Made by `color_stereo demo`, which replaces this folder.\n')
         with ros_node('color_stereo_demo') as node:
             measurements = [self._measure(node, folder) for folder in self.samples]
         self._say('writing the page')

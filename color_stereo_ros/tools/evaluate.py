@@ -40,7 +40,8 @@ def add_arguments(parser):
                         help='fewer and coarser experiments: minutes instead of half an hour')
     parser.add_argument('--ablation', action='store_true',
                         help='switch every stage of the first of --methods off, one at a time')
-    parser.add_argument('--output', type=Path, default=Path('evaluation'), metavar='DIR',
+    parser.add_argument('--output', type=Path, default=Path('evaluation_output'),
+                        metavar='DIR',
                         help='where report.html and figures.json go (default evaluation)')
     parser.add_argument('--renders', type=Path, metavar='DIR',
                         help='keeps the rendered pairs for the next run (default DIR/renders of '

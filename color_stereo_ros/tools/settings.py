@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`color_stereo settings`: every setting with its unit, range, default and meaning."""
+"""`color_stereo settings`: the core's settings with unit, range, default and meaning."""
 
-SUMMARY = 'print every setting, as a table or as a YAML parameter file'
+SUMMARY = 'print the settings of the core, as a table or as a YAML parameter file'
 
 
 def add_arguments(parser):
