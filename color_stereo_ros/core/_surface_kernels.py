@@ -136,7 +136,8 @@ def sample_colors(box, index, frac_x, frac_y, stride, dark, gain, soft, u, v, s,
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_s, out_w):
+def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_s,
+                  out_w):
     """
     Average step_y x step_x nodes, from (top, left) on, into one coarse node, quantized to int16.
 
@@ -838,7 +839,7 @@ def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, sca
 
     A node takes the plane that fits best (see `best_shifted_mean`); its own one is favored by
     `inertia`. Reads d, a, b, writes new_* and cost in the tiles only. Tiles without any known
-    plane in reach are left as they are.
+    plane in reach stay unknown, at a cost of `cap`.
 
     """
     for k in prange(BANDS):
@@ -1077,8 +1078,9 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
 
     limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes; below
     least_odds a node has no range. vague (px): the standard deviation of a plane from which on
-    the colors around a node are too uniform to tell. The standard deviation grows with the distance of the neighbors from
-    the plane: there a plane is not what the surface is. status takes the codes of types.Status.
+    the colors around a node are too uniform to tell. The standard deviation grows with the
+    distance of the neighbors from the plane: there a plane is not what the surface is. status
+    takes the codes of types.Status.
 
     """
     for k in prange(BANDS):

@@ -87,7 +87,6 @@ class SurfaceMethod:
         prior = Prior.of(settings.pattern, width)
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
-        self.noise_weight = F4(NOISE_WEIGHTS[0])
         self.coarse = CoarseSearch(self.nodes, width, limits,
                                    prior.smoothness * settings.matching.smoothness,
                                    prior.texture * settings.matching.texture)
@@ -201,7 +200,8 @@ class SurfaceMethod:
             self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
         kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(gate), stride,
-                           self.noise_weight, ridge, STEEPEST, self.reference, *self.spare, self.variance)
+                           self.noise_weight, ridge, STEEPEST, self.reference, *self.spare,
+                           self.variance)
         self.planes, self.spare = self.spare, self.planes
 
     def smooth(self, tiles, halo, step=CONTINUOUS):
@@ -273,8 +273,8 @@ class SurfaceMethod:
             kernels.find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
                                 SEPARATE, self.hidden, self.owners)
         color, least = self.settings.color, self.settings.matching.min_confidence
-        kernels.settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust, self.hidden,
-                       self.left.peak, self.left.s, *self.nodes,
+        kernels.settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust,
+                       self.hidden, self.left.peak, self.left.s, *self.nodes,
                        self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
                        F4(color.min_signal), HIDDEN_ODDS, log_odds(least), self.vague,
                        self.std, self.confidence, self.status)

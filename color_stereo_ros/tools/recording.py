@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 import os
 from pathlib import Path
-import shutil
 import tempfile
 
 import numpy as np

@@ -31,8 +31,8 @@ def run(args):
     print('MODEL =', [round(float(value), 2) for value in weights[:-1]])
     print('HIDDEN_ODDS =', round(float(weights[-1]), 2))
     for confidence in (0.5, 0.6, 0.7, 0.8, 0.9):
-        print('min_confidence {:.1f}: density {:.4f}, wrong by more than 1 px {:.4f}, ranges where '
-              'only the left camera sees {:.4f}'.format(
+        print('min_confidence {:.1f}: density {:.4f}, wrong by more than 1 px {:.4f}, '
+              'ranges where only the left camera sees {:.4f}'.format(
                   confidence, *operating_point(evidence, weights, confidence)))
 
 
@@ -92,7 +92,7 @@ def gathered(stereo, rendering):
 
 
 def logistic_fit(scenes):
-    """Return the weights, float64 (7,), of a logistic regression in which each scene counts alike."""
+    """Return the weights, float64 (7,), of a logistic regression; each scene counts alike."""
     import numpy as np
     inputs = np.concatenate([evidence for evidence, *_ in scenes])
     right = np.concatenate([right for _, right, *_ in scenes]).astype(float)
