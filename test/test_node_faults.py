@@ -321,6 +321,12 @@ def test_an_image_with_another_frame_than_its_calibration_is_warned_of_but_used(
     assert output.header.frame_id == 'somewhere_optical'
     assert_told(rig, 'calibration', DiagnosticStatus.WARN, "frame_id 'somewhere_optical', left "
                 "camera_info 'left_camera_optical_frame'")
+    for side in ('left', 'right'):
+        info = info_message(getattr(rig.calibration, side))
+        info.header.frame_id = 'somewhere_optical'
+        rig.send_info(side, info)
+    # whichever comes last: the warning goes with its cause, not with the next image
+    rig.diagnose(lambda p: p['calibration'].message == 'calibrated', 'calibrated')
 
 
 # ---- stamps

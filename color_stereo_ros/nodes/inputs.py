@@ -110,8 +110,7 @@ class StereoInputs:
         """Images that were refused, by side."""
         self.refusals = dict.fromkeys(SIDES)
         """Why the latest image was refused, or None if it was not, by side."""
-        self.frame_warning = None
-        """How the frames of left image and left camera_info differ, or None."""
+        self._image_frame = None
         self.zero_stamps = False
         """The latest image had a stamp of zero."""
         self.subscriptions = [self._subscribe(parameters, side, kind)
@@ -142,16 +141,18 @@ class StereoInputs:
         if self.zero_stamps:
             self._warn(f'{side} image has a stamp of zero: pairs cannot be told apart')
         if side == 'left':
-            self._look_at_frame(msg.header.frame_id)
+            self._image_frame = msg.header.frame_id
+            if self.frame_warning:
+                self._warn(self.frame_warning)
 
-    def _look_at_frame(self, frame):
-        calibrated = self.calibration.frame_id
-        self.frame_warning = None
-        if calibrated is not None and frame != calibrated:
-            self.frame_warning = (
-                f'left image has frame_id {frame!r}, left camera_info {calibrated!r}: the outputs '
+    @property
+    def frame_warning(self):
+        """Return how the frames of the latest left image and camera_info differ, or None."""
+        calibrated, frame = self.calibration.frame_id, self._image_frame
+        if None in (calibrated, frame) or frame == calibrated:
+            return None
+        return (f'left image has frame_id {frame!r}, left camera_info {calibrated!r}: the outputs '
                 'carry that of the image')
-            self._warn(self.frame_warning)
 
     def configure(self, sync):
         """Take new sync.* settings."""
