@@ -12,8 +12,8 @@ import pytest
 
 from color_stereo_ros.core import ImageError, Settings, SettingsError, make_pattern
 from color_stereo_ros.core.settings import flat
+from color_stereo_ros.core.settings_file import read_settings, settings_text
 from color_stereo_ros.tools import cli
-from color_stereo_ros.tools.arguments import read_settings, settings_yaml
 from color_stereo_ros.tools.files import write_image, write_text, written_whole
 
 
@@ -109,32 +109,10 @@ def test_settings_as_yaml_read_back_are_the_same_settings(tmp_path, capsys):
 
 def test_options_override_the_configuration_file(tmp_path, capsys):
     path = tmp_path / 'mine.yaml'
-    path.write_text(settings_yaml({'range.min_depth': 0.3, 'range.max_depth': 0.5}))
+    path.write_text(settings_text({'range.min_depth': 0.3, 'range.max_depth': 0.5}))
     cli.main(['settings', '--config', str(path), '--range.max_depth', '0.7'])
     printed = capsys.readouterr().out
     assert 'range.min_depth = 0.3 ' in printed and 'range.max_depth = 0.7 ' in printed
-
-
-@pytest.mark.parametrize('text, values', [
-    ('range: {min_depth: 0.3}', {'range.min_depth': 0.3}),
-    ('range.min_depth: 0.3', {'range.min_depth': 0.3}),
-    ('range_node: {ros__parameters: {range.min_depth: 0.3}}', {'range.min_depth': 0.3}),
-    ('/**: {ros__parameters: {range: {min_depth: 0.3}, sync: {tolerance: 0.1}}}',
-     {'range.min_depth': 0.3})])
-def test_parameter_files_of_every_form_are_read(tmp_path, text, values):
-    path = tmp_path / 'settings.yaml'
-    path.write_text(text)
-    assert read_settings(path) == values
-
-
-@pytest.mark.parametrize('text, message', [
-    ('range: {min_dept: 0.3}', "unknown setting 'range.min_dept'; did you mean"),
-    ('[1, 2', 'is no YAML file'), ('just words', 'holds str, expected names and values')])
-def test_a_file_that_is_no_parameter_file_is_refused(tmp_path, text, message):
-    path = tmp_path / 'settings.yaml'
-    path.write_text(text)
-    with pytest.raises(SettingsError, match=message):
-        read_settings(path)
 
 
 def test_a_setting_out_of_range_is_refused_with_the_range(tmp_path, capsys):

@@ -7,8 +7,8 @@ import signal
 import subprocess
 import sys
 
+from color_stereo_ros.core.settings_file import settings_text
 from color_stereo_ros.tools import cli
-from color_stereo_ros.tools.arguments import settings_yaml
 from color_stereo_ros.tools.files import write_image
 from color_stereo_ros.tools.recording import Recording, write_recording
 
@@ -59,7 +59,7 @@ def recorded(tmp_path):
 def parameters(tmp_path):
     """Return a parameter file for the tiny rig."""
     path = tmp_path / 'parameters.yaml'
-    path.write_text(settings_yaml(PAPER))
+    path.write_text(settings_text(PAPER, '/**'))
     return path
 
 

@@ -111,7 +111,7 @@ def test_a_malformed_settings_file_is_an_error(tmp_path):
     scene = datasets.load_folder(FLAT)
     datasets.save_folder(scene, tmp_path / 'kept')
     (tmp_path / 'kept' / 'settings.yaml').write_text('range: 3\n')
-    with pytest.raises(RecordingError, match='has no groups of settings'):
+    with pytest.raises(SettingsError, match="settings.yaml: unknown setting 'range'"):
         datasets.load_folder(tmp_path / 'kept')
 
 

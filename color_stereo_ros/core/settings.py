@@ -261,6 +261,28 @@ def updated(settings, values):
                                 for group, change in changes.items()})
 
 
+def checked_value(settings, name, value):
+    """
+    Return the value of one setting as its field takes it, an integer as a float for instance.
+
+    Parameters
+    ----------
+    settings : dataclass made of groups
+    name : str
+        A flat name that the settings have.
+    value : object
+
+    Raises
+    ------
+    SettingsError
+        For a wrong type, or a value outside its range.
+
+    """
+    group, _, key = name.partition('.')
+    owner = getattr(settings, group)
+    return _checked(owner, next(spec for spec in fields(owner) if spec.name == key), value)
+
+
 def suggestion(name, known):
     """Return `'; did you mean ...?'` for the known name nearest to a mistyped one, or ''."""
     near = get_close_matches(name, list(known), n=1)

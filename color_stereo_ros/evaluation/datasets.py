@@ -2,8 +2,8 @@
 """
 Pairs with truth: folders of left.png, right.png, left.yaml, right.yaml and truth.npz.
 
-A folder may carry a `settings.yaml` with the settings in which its pair was taken, nested as in
-`config/*.yaml` (`range: {min_depth: 0.22, max_depth: 0.62}`, `pattern: {type: sweep}`), and a
+A folder may carry a `settings.yaml` with the settings in which its pair was taken, a parameter
+file as in `config/*.yaml` or its groups alone (`range: {min_depth: 0.22, max_depth: 0.62}`), and a
 `noise.yaml` with the noise of its cameras (`left: {floor: [..], slope: [..], ...}`, `right: ..`).
 
 """
@@ -19,6 +19,7 @@ import numpy as np
 import yaml
 
 from ..core import ColorStereoError, ImageError, RecordingError, Settings, StereoCalibration
+from ..core.settings_file import read_settings, settings_text
 from .metrics import Truth
 from .noise_limit import CameraNoise
 
@@ -68,8 +69,8 @@ def load_folder(path, values=None):
     path = Path(path)
     calibration = StereoCalibration.from_yaml(path / 'left.yaml', path / 'right.yaml')
     truth = load_truth(path / 'truth.npz')
-    own = _folder_settings(path / 'settings.yaml')
-    settings, source = with_depth_limits({**own, **(values or {})}, calibration, truth)
+    settings, source = with_depth_limits({**folder_settings(path), **(values or {})},
+                                         calibration, truth)
     Settings().updated(settings)
     return Scene(path.name, read_image(path / 'left.png'), read_image(path / 'right.png'),
                  calibration, truth, settings, source, _folder_noise(path / 'noise.yaml'))
@@ -114,16 +115,10 @@ def load_truth(path):
     return Truth(depth, visible.astype(bool) & np.isfinite(depth))
 
 
-def _folder_settings(path):
-    """Return the flat settings of a settings.yaml, {} if there is none."""
-    if not path.exists():
-        return {}
-    try:
-        groups = yaml.safe_load(path.read_text()) or {}
-        return {f'{group}.{name}': value
-                for group, values in groups.items() for name, value in values.items()}
-    except (OSError, yaml.YAMLError, AttributeError) as error:
-        raise RecordingError(f'{path} has no groups of settings: {error}') from error
+def folder_settings(path):
+    """Return the flat settings of the settings.yaml of a scene folder, {} if there is none."""
+    path = Path(path) / 'settings.yaml'
+    return read_settings(path) if path.exists() else {}
 
 
 def _folder_noise(path):
@@ -160,11 +155,7 @@ def save_folder(scene, path):
         scene.calibration.to_yaml(folder / 'left.yaml', folder / 'right.yaml')
         np.savez_compressed(folder / 'truth.npz', depth=scene.truth.depth,
                             visible=scene.truth.visible)
-        groups = {}
-        for name, value in scene.settings.items():
-            group, _, key = name.partition('.')
-            groups.setdefault(group, {})[key] = value
-        (folder / 'settings.yaml').write_text(yaml.safe_dump(groups))
+        (folder / 'settings.yaml').write_text(settings_text(scene.settings))
         if scene.noise:
             cameras = {side: _plain(noise)
                        for side, noise in zip(('left', 'right'), scene.noise)}

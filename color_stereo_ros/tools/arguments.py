@@ -2,12 +2,9 @@
 """Settings on command lines and in YAML files, both derived from the dataclasses of the core."""
 
 import argparse
-from pathlib import Path
 
-import yaml
-
-from ..core.settings import Settings, described, flat, suggestion, updated
-from ..core.types import SettingsError
+from ..core.settings import described, flat, Settings, updated
+from ..core.settings_file import PROJECTORS, read_settings, SENSORS
 
 
 def add_settings_arguments(parser, groups=None, settings=Settings()):
@@ -25,8 +22,10 @@ def add_settings_arguments(parser, groups=None, settings=Settings()):
     """
     section = parser.add_argument_group(
         'settings', 'the names, units and defaults of the ROS parameters')
-    section.add_argument('--config', metavar='FILE', help='YAML file of parameters, as for '
-                         '`ros2 run ... --params-file`; options below override it')
+    section.add_argument('--config', metavar='FILE', help='YAML file of settings, such as the '
+                         'parameter file of a node; the options below override it')
+    only_pattern = groups is not None and set(groups) == {'pattern'}
+    parser.set_defaults(config_nodes=(*SENSORS, *PROJECTORS) if only_pattern else SENSORS)
     for name, default, meta in described(settings):
         if groups and name.partition('.')[0] not in groups:
             continue
@@ -49,7 +48,7 @@ def _boolean(text):
 
 def given_settings(args, settings=Settings()):
     """Return what `--config` and the options set, a dict of flat names to values."""
-    given = read_settings(args.config, settings) if args.config else {}
+    given = read_settings(args.config, settings, args.config_nodes) if args.config else {}
     options = {name: getattr(args, name, None) for name in flat(settings)}
     return given | {name: value for name, value in options.items() if value is not None}
 
@@ -65,70 +64,3 @@ def settings_from(args, settings=Settings()):
 
     """
     return updated(settings, given_settings(args, settings))
-
-
-def read_settings(path, settings=Settings()):
-    """
-    Read settings from a YAML file of ROS parameters.
-
-    Parameters
-    ----------
-    path : str or Path
-        Parameters below `<node>: ros__parameters:`, nested or with dots, or without that head.
-        Groups that `settings` does not have (such as `sync`) are passed over.
-    settings : dataclass made of groups
-
-    Returns
-    -------
-    values : dict
-        Flat names to values.
-
-    Raises
-    ------
-    SettingsError
-        If the file is no YAML, is not made of names and values, or misspells a name.
-
-    """
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        reason = ' '.join(str(error).split())
-        raise SettingsError(f'{path}: is no YAML file: {reason}') from error
-    if not isinstance(content, dict):
-        raise SettingsError(f'{path}: holds {type(content).__name__}, expected names and values')
-    known = flat(settings)
-    groups = {name.partition('.')[0] for name in known}
-    values = {name: value for node in _parameters(content) for name, value in _flattened(node)
-              if name.partition('.')[0] in groups}
-    for name in values:
-        if name not in known:
-            raise SettingsError(f'{path}: unknown setting {name!r}{suggestion(name, known)}')
-    return values
-
-
-def _parameters(content):
-    """Yield the dicts below every `ros__parameters`, or the content itself if there is none."""
-    nodes = [value for value in content.values()
-             if isinstance(value, dict) and 'ros__parameters' in value]
-    if not nodes:
-        yield content
-    for node in nodes:
-        if isinstance(node['ros__parameters'], dict):
-            yield node['ros__parameters']
-
-
-def _flattened(values, prefix=''):
-    for name, value in values.items():
-        if isinstance(value, dict):
-            yield from _flattened(value, f'{prefix}{name}.')
-        else:
-            yield f'{prefix}{name}', value
-
-
-def settings_yaml(values, node='/**'):
-    """Return flat names and values as the text of a ROS parameter file."""
-    nested = {}
-    for name, value in values.items():
-        group, _, key = name.partition('.')
-        nested.setdefault(group, {})[key] = value
-    return yaml.safe_dump({node: {'ros__parameters': nested}}, sort_keys=False)

@@ -12,12 +12,12 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 
 from ..core import RangeResult, RecordingError, Settings, StereoCalibration
+from ..core.settings_file import read_settings
 from ..core.triangulation import disparity_from_depth, disparity_limits
 from ..evaluation.datasets import load_truth
 from ..nodes.cloud_files import save_cloud
 from ..nodes.messages import image_to_rgb, millimeters
 from . import sample
-from .arguments import read_settings
 from .demo_page import (depth_preview, make_page, Measurement, one_line, overview,
                         surface_limits)
 from .files import write_bytes, write_image, write_text

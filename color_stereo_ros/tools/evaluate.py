@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo evaluate`: what is measured, how well, beside the paper and beside OpenCV."""
 
-import argparse
 import os
 from pathlib import Path
 import time
@@ -30,6 +29,7 @@ ABLATION_COLUMNS = (('density', '{:.4f}'), ('mean_percent', '{:.4f}'), ('median_
 
 def add_arguments(parser):
     """Declare the arguments of `color_stereo evaluate`."""
+    from .arguments import add_settings_arguments
     parser.add_argument('folders', nargs='*', metavar='FOLDER',
                         help='scene folders (left.png right.png left.yaml right.yaml truth.npz) '
                              'or folders of them; without any, the experiments of the paper on '
@@ -41,35 +41,50 @@ def add_arguments(parser):
     parser.add_argument('--ablation', action='store_true',
                         help='switch every stage of the first of --methods off, one at a time')
     parser.add_argument('--output', type=Path, default=Path('evaluation_output'),
-                        metavar='DIR',
-                        help='where report.html and figures.json go (default evaluation)')
+                        metavar='DIR', help='where report.html, figures.json and the rendered '
+                        'pairs go (default evaluation_output)')
     parser.add_argument('--renders', type=Path, metavar='DIR',
-                        help='keeps the rendered pairs for the next run (default DIR/renders of '
-                             '--output)')
+                        help='keeps the rendered pairs for the next run (default: renders in the '
+                             'folder of --output)')
     parser.add_argument('--seed', type=int, default=1,
                         help='seed of the simulated noise (default 1)')
     parser.add_argument('--depth', nargs=2, type=float, metavar=('NEAR', 'FAR'),
-                        help='depth limits of FOLDER in m (default: its settings.yaml, or else '
-                             'derived from its rig)')
+                        help='depth limits of FOLDER in m, the same as --range.min_depth and '
+                             '--range.max_depth (default: its settings.yaml, or else derived '
+                             'from its rig)')
     parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE',
-                        help='any setting of the core for FOLDER, for example '
-                             'pattern.type=sweep; repeatable')
+                        help='the same as --NAME VALUE, for example pattern.type=sweep; '
+                             'repeatable')
     parser.add_argument('--repeats', type=int, default=3,
                         help='runs of a fast method; the shortest time counts (default 3)')
     parser.add_argument('--json', type=Path, metavar='FILE',
-                        help='write all figures of FOLDER to a file')
+                        help='write all figures of FOLDER or of --ablation to a file')
+    add_settings_arguments(parser)
 
 
 def run(args):
     """Evaluate folders, the stages of a method, or run the experiments of the report."""
     from ..evaluation.methods import checked_methods
     methods = checked_methods([name.strip() for name in args.methods.split(',')])
+    check_arguments(args)
     if args.ablation:
         run_ablation(args, methods[0])
     elif args.folders:
         run_folders(args, methods)
     else:
         run_experiments(args, methods)
+
+
+def check_arguments(args):
+    """Refuse arguments that would have no effect."""
+    if not args.folders and folder_values(args):
+        raise SettingsError(f'{next(iter(folder_values(args)))} is set, but no FOLDER is given: '
+                            'the experiments of the paper have settings of their own')
+    if args.json and not (args.folders or args.ablation):
+        raise SettingsError('--json is for FOLDER or --ablation; the experiments of the paper '
+                            'write figures.json into the folder of --output')
+    if getattr(args, 'matching.method') is not None:
+        raise SettingsError('--matching.method: choose by --methods what is evaluated')
 
 
 def run_folders(args, methods):
@@ -93,11 +108,16 @@ def run_folders(args, methods):
 def loaded(args):
     """Yield the scenes of the folders."""
     from ..evaluation.datasets import find_scenes, load_folder
-    values = parsed_settings(args.set)
-    if args.depth:
-        values.update(zip(('range.min_depth', 'range.max_depth'), args.depth))
+    values = folder_values(args)
     for folder in find_scenes(args.folders):
         yield load_folder(folder, values)
+
+
+def folder_values(args):
+    """Return the flat settings of the command line, which override those of a folder."""
+    from .arguments import given_settings
+    limits = zip(('range.min_depth', 'range.max_depth'), args.depth or ())
+    return given_settings(args) | parsed_settings(args.set) | dict(limits)
 
 
 def run_experiments(args, methods):
@@ -172,14 +192,3 @@ def cell(figures, key, form):
 def table_row(title, cells):
     """Return one line of a table."""
     return f'{title:10}' + ''.join(f'{text:>10}' for text in cells)
-
-
-def main():
-    """Run as `python -m color_stereo_ros.tools.evaluate`."""
-    parser = argparse.ArgumentParser(description=SUMMARY)
-    add_arguments(parser)
-    run(parser.parse_args())
-
-
-if __name__ == '__main__':
-    main()

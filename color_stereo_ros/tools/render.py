@@ -161,8 +161,8 @@ def _check_replaceable(output, overwrite):
 
 def _write_rendering(folder, rendering, scene, pattern, values):
     import numpy as np
-    import yaml
 
+    from ..core.settings_file import settings_text
     from .files import write_image
     for side in ('left', 'right'):
         camera = getattr(scene.rig, side)
@@ -175,11 +175,8 @@ def _write_rendering(folder, rendering, scene, pattern, values):
         edge=truth.edge)
     write_image(folder / 'pattern.png', pattern)
     near, far = scene.rig.depth_limits
-    groups = {}
-    for name, value in {**values, 'range.min_depth': near, 'range.max_depth': far}.items():
-        group, _, key = name.partition('.')
-        groups.setdefault(group, {})[key] = value
-    (folder / 'settings.yaml').write_text(yaml.safe_dump(groups), encoding='utf-8')
+    values = {**values, 'range.min_depth': near, 'range.max_depth': far}
+    (folder / 'settings.yaml').write_text(settings_text(values), encoding='utf-8')
 
 
 def _full_scale(image, camera):

@@ -51,7 +51,8 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
         Folder with left.png right.png left.yaml right.yaml truth.npz.
     output : Path
     values : dict
-        Flat names of settings to values: how this scene is to be measured.
+        Flat names of settings to values: how this scene is to be measured; they override the
+        settings.yaml of the scene.
     pairs : int
         How often the pair is recorded.
     period : float
@@ -61,13 +62,13 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
     """
     import numpy as np
 
-    from ..evaluation.datasets import load_folder
-    from .arguments import settings_yaml
+    from ..core import SettingsError
+    from ..core.settings_file import settings_text
+    from ..evaluation.datasets import folder_settings, load_folder
     from .files import write_text, written_whole
     from .recording import write_recording
-    from ..core import RecordingError
     if output.resolve() == scene.resolve():
-        raise RecordingError(f'{output}: is the scene itself; name another folder for the sample')
+        raise SettingsError(f'{output}: is the scene itself; name another folder for the sample')
     pair = load_folder(scene, values)
     with write_recording(output / RECORDING, overwrite=overwrite) as writer:
         for index in range(pairs):
@@ -77,7 +78,7 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
         np.savez_compressed(partial, depth=pair.truth.depth,
                             visible=pair.truth.visible)
     write_text(output / SETTINGS, f'# How to measure the scene {scene.name}.\n'
-                                  + settings_yaml(values))
+                                  + settings_text(folder_settings(scene) | values, '/**'))
 
 
 def _megabytes(folder):

@@ -15,10 +15,11 @@ def add_arguments(parser):
 
 def run(args):
     """Print the settings of the command line."""
-    from .arguments import settings_from, settings_yaml
+    from ..core.settings_file import settings_text
+    from .arguments import settings_from
     settings = settings_from(args)
     if args.format == 'yaml':
-        print(settings_yaml(settings.flat()), end='')
+        print(settings_text(settings.flat(), '/**'), end='')
     elif args.format == 'markdown':
         print(markdown_table(settings), end='')
     else:
