@@ -42,6 +42,11 @@ class Status(IntEnum):
     IMPLAUSIBLE = 8
 
     @property
+    def label(self):
+        """Return the name as people write it, for example 'out of range'."""
+        return self.name.lower().replace('_', ' ')
+
+    @property
     def meaning(self):
         """Return one sentence for people."""
         return STATUS_MEANINGS[self]

@@ -4,14 +4,10 @@
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-import numpy as np
-
-from ..core.types import Status
+from ..core.account import FEW, main_reason, status_shares
 from .synchroniser import SIDES
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-_FEW = 0.05
-"""Below this share of pixels with a range something is wrong."""
 
 
 def diagnostic_array(sensor, name, stamp):
@@ -166,18 +162,6 @@ def _judge_results(sensor, worker, account, shares):
         return OK, 'waiting for a call of ~/capture (input.mode is capture)'
     if not sensor.outputs.wanted():
         return OK, f'waiting for a subscriber on {", ".join(sensor.outputs.names)}'
-    if shares and shares['valid'] < _FEW:
-        return WARN, f'few pixels have a range: {shares["valid"]:.1%}; {_main_reason(shares)}'
+    if shares and shares['valid'] < FEW:
+        return WARN, f'few pixels have a range: {shares["valid"]:.1%}; {main_reason(shares)}'
     return OK, 'measuring' if account.measured else 'waiting for the first pair'
-
-
-def _main_reason(shares):
-    name = max((name for name in shares if name != 'valid'), key=shares.get)
-    return f'{shares[name]:.1%} {name}: {Status[name.upper().replace(" ", "_")].meaning}'
-
-
-def status_shares(status):
-    """Return the share of pixels of each status by its name, such as 'out of range'."""
-    counts = np.bincount(status.ravel(), minlength=len(Status))
-    return {code.name.lower().replace('_', ' '): float(counts[code] / status.size)
-            for code in Status}

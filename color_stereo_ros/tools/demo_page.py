@@ -11,6 +11,7 @@ from string import Template
 import cv2
 import numpy as np
 
+from ..core.account import status_shares
 from ..core.false_color import false_color
 from ..core.types import RangeResult, Status
 from ..evaluation.metrics import Truth, accuracy, false_share
@@ -147,10 +148,10 @@ def depth_preview(depth):
 
 def reasons(status):
     """Return the share of pixels of each status as one line for people."""
-    shares = [(np.mean(status == code), code) for code in Status if code != Status.VALID]
-    named = [f'{100 * share:.1f} % {code.name.lower().replace("_", " ")}'
-             for share, code in sorted(shares, reverse=True) if share >= 0.001]
-    return ', '.join(named)
+    shares = status_shares(status)
+    del shares[Status.VALID.label]
+    return ', '.join(f'{100 * share:.1f} % {name}' for name, share in
+                     sorted(shares.items(), key=lambda item: -item[1]) if share >= 0.001)
 
 
 def _section(item):

@@ -23,18 +23,47 @@ def run(args):
     from pathlib import Path
 
     from ..core import ColorStereo, StereoCalibration
+    from ..core.account import doubts_about_images, doubts_about_result
     from ..evaluation.datasets import read_image
     from .arguments import settings_from
     settings = settings_from(args)
     calibration = StereoCalibration.from_yaml(*args.calibration)
     left, right = read_image(args.left), read_image(args.right)
+    warn_of(doubts_about_images(left, right))
     stereo = ColorStereo(calibration, settings, rectified_input=args.rectified)
     result = stereo.process(left, right)
     output = Path(args.output)
     write_result(output, result, settings.range)
-    print(f'{100 * result.density:.1f} % of the pixels have a range. Written to {output}:')
-    for path in sorted(output.iterdir()):
-        print(f'  {path.name:18}{CONTENT.get(path.name, "")}')
+    print(account(result))
+    print(f'Written to {output}:')
+    for name, content in CONTENT.items():
+        print(f'  {name:18}{content}')
+    warn_of(doubts_about_result(stereo, left, right, result))
+
+
+def warn_of(doubts):
+    """Print warnings on standard error."""
+    import sys
+    for doubt in doubts:
+        print(f'color_stereo: warning: {doubt}', file=sys.stderr)
+
+
+def account(result):
+    """Return the shares of the pixels by status, and between which depths they lie, as text."""
+    import numpy as np
+
+    from ..core.account import status_shares
+    from ..core.types import Status
+    shares = status_shares(result.status)
+    lines = [f'{100 * shares[code.label]:9.1f} %  {code.label:15}{code.meaning}'
+             for code in sorted(Status, key=lambda code: (code != Status.VALID,
+                                                          -shares[code.label]))
+             if code == Status.VALID or shares[code.label]]
+    known = result.depth[np.isfinite(result.depth)]
+    if known.size:
+        near, middle, far = np.percentile(known, (1, 50, 99))
+        lines.append(f'Depths: median {middle:.4g} m, nearly all within {near:.4g} .. {far:.4g} m')
+    return '\n'.join(['Pixels by status:', *lines])
 
 
 CONTENT = {
@@ -42,7 +71,7 @@ CONTENT = {
     'depth.tiff': '32 bit float, meters, NaN = unknown',
     'depth_std.tiff': '32 bit float, standard deviation of the depth in meters',
     'confidence.png': '8 bit, 255 = 1',
-    'status.png': '8 bit, 0 = valid, otherwise the reason (docs)',
+    'status.png': '8 bit, 0 = valid, otherwise the reason (docs/nodes.md)',
     'range_image.png': 'false colors, near = purple, far = orange',
     'points.ply': 'colored points in meters, rectified left camera',
 }

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The account of a measurement: shares that add up, and doubts only where something is wrong."""
+
+import numpy as np
+import pytest
+from ros_rig import calibration, PAPER, scene
+
+from color_stereo_ros.core import ColorStereo, Settings, Status, StereoCalibration
+from color_stereo_ros.core.account import (doubts_about_images, doubts_about_result, main_reason,
+                                           status_shares)
+from color_stereo_ros.tools import cli
+from color_stereo_ros.tools.files import write_image
+
+SHAPE = 6, 8
+SURFACE = {**PAPER, 'matching.method': 'surface'}
+
+
+@pytest.fixture(scope='module')
+def stereo():
+    return ColorStereo(calibration(), Settings().updated(SURFACE))
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """Return the arguments of `color_stereo process` for a pair of images of the tiny rig."""
+    def written(left, right, yamls=('left.yaml', 'right.yaml')):
+        calibration().to_yaml(tmp_path / 'left.yaml', tmp_path / 'right.yaml')
+        write_image(tmp_path / 'left.png', left)
+        write_image(tmp_path / 'right.png', right)
+        options = [word for name, value in SURFACE.items() for word in (f'--{name}', str(value))]
+        return ['process', str(tmp_path / 'left.png'), str(tmp_path / 'right.png'),
+                '--calibration', *(str(tmp_path / name) for name in yamls),
+                '--output', str(tmp_path / 'out'), *options]
+    return written
+
+
+def gray(image):
+    return np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8)
+
+
+def test_the_shares_of_the_status_add_up_to_one():
+    status = np.full(SHAPE, Status.DARK, np.uint8)
+    status[0] = Status.VALID
+    status[1, :4] = Status.OUT_OF_RANGE
+    shares = status_shares(status)
+    assert list(shares) == [code.label for code in Status]
+    assert shares['valid'] == 8 / 48 and shares['out of range'] == 4 / 48
+    assert sum(shares.values()) == pytest.approx(1, abs=1e-12)
+
+
+def test_the_main_reason_is_the_largest_share_without_a_range():
+    status = np.full(SHAPE, Status.VALID, np.uint8)
+    status[0] = Status.SATURATED
+    status[1, 0] = Status.DARK
+    assert main_reason(status_shares(status)) == '16.7% saturated: a color channel is overexposed'
+
+
+def test_a_good_pair_raises_no_doubt(stereo):
+    left, right = scene()
+    assert not doubts_about_images(left, right)
+    assert not doubts_about_result(stereo, left, right, stereo.process(left, right))
+
+
+def test_a_dark_pair_is_not_called_gray():
+    black = np.full((*SHAPE, 3), 3, np.uint8)
+    assert not doubts_about_images(black, black + 1)
+
+
+@pytest.mark.parametrize('side', ['left', 'right'])
+def test_a_gray_image_is_named(side):
+    images = dict(zip(('left', 'right'), scene()))
+    images[side] = gray(images[side])
+    (doubt,) = doubts_about_images(**images)
+    assert doubt.startswith(f'the {side} image is gray')
+
+
+def test_identical_images_are_noticed():
+    left, _ = scene()
+    assert 'identical' in doubts_about_images(left, left.copy())[0]
+
+
+def test_swapped_images_are_noticed(stereo):
+    left, right = scene()
+    doubts = doubts_about_result(stereo, right, left, stereo.process(right, left))
+    assert 'left and right image swapped?' in doubts[0]
+
+
+def test_images_without_any_match_are_not_called_swapped(stereo):
+    left, right = scene(seed=1)[0], scene(seed=2)[1]
+    result = stereo.process(left, right)
+    assert not [doubt for doubt in doubts_about_result(stereo, left, right, result)
+                if 'swapped' in doubt]
+
+
+def test_too_few_ranges_are_a_doubt_with_the_main_reason(stereo):
+    black = np.zeros_like(scene()[0])
+    (doubt,) = doubts_about_result(stereo, black, black, stereo.process(black, black))
+    assert doubt.startswith('hardly any pixel has a range; 100.0% dark: too little pattern light')
+
+
+def test_process_prints_the_shares_with_their_meaning(pair, capsys):
+    assert cli.main(pair(*scene())) == 0
+    said = capsys.readouterr()
+    assert '%  valid          the pixel has a range' in said.out
+    shares = [float(line.split('%')[0]) for line in said.out.splitlines()
+              if line.startswith('   ') and '%' in line]
+    assert sum(shares) == pytest.approx(100, abs=0.5)
+    assert 'Depths: median 0.36 m' in said.out
+    assert said.err == ''
+
+
+def test_process_warns_of_what_is_wrong_with_a_pair(pair, capsys):
+    left, right = scene()
+    assert cli.main(pair(right, left)) == 0
+    assert 'warning: left and right image swapped?' in capsys.readouterr().err
+    assert cli.main(pair(gray(left), gray(right))) == 0
+    said = capsys.readouterr().err
+    assert 'warning: the left image is gray' in said and 'warning: hardly any pixel' in said
+
+
+def test_process_says_when_the_calibrations_are_swapped(pair, capsys):
+    assert cli.main(pair(*scene(), yamls=('right.yaml', 'left.yaml'))) != 0
+    assert 'left and right camera swapped?' in capsys.readouterr().err
+
+
+def test_the_swapped_order_of_a_parallel_rig_is_refused_by_its_baseline():
+    rig = calibration()
+    with pytest.raises(ValueError, match='swapped'):
+        StereoCalibration(rig.right, rig.left)
