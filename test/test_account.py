@@ -119,7 +119,7 @@ def test_process_warns_of_what_is_wrong_with_a_pair(pair, capsys):
 
 
 def test_process_says_when_the_calibrations_are_swapped(pair, capsys):
-    assert cli.main(pair(*scene(), yamls=('right.yaml', 'left.yaml'))) != 0
+    assert cli.main(pair(*scene(), yamls=('right.yaml', 'left.yaml'))) == 1
     assert 'left and right camera swapped?' in capsys.readouterr().err
 
 

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from color_stereo_ros.core import ImageError, Settings, SettingsError, make_pattern
+from color_stereo_ros.core import (CalibrationError, ImageError, make_pattern, RecordingError,
+                                   Settings, SettingsError)
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.core.settings_file import read_settings, settings_text
 from color_stereo_ros.tools import cli
@@ -61,9 +62,24 @@ def test_an_unknown_command_is_refused_with_the_known_ones(capsys):
     assert 'pattern' in capsys.readouterr().err
 
 
-def test_a_known_error_ends_with_one_line_and_status_2(failing, capsys):
+def test_a_wrong_setting_ends_with_one_line_and_status_2(failing, capsys):
     assert failing(SettingsError('range.min_depth = 7 m is wrong')) == 2
     assert capsys.readouterr().err == 'color_stereo: range.min_depth = 7 m is wrong\n'
+
+
+@pytest.mark.parametrize('kind', [CalibrationError, ImageError, RecordingError])
+def test_bad_input_ends_with_one_line_and_status_1(failing, capsys, kind):
+    assert failing(kind('left.png: damaged')) == 1
+    assert capsys.readouterr().err == 'color_stereo: left.png: damaged\n'
+
+
+@pytest.mark.parametrize('words', [['settings', '--form', 'yaml'], ['settings', '--range.min', '1'],
+                                   ['--vers']])
+def test_options_are_never_abbreviated(words, capsys):
+    with pytest.raises(SystemExit) as ending:
+        cli.main(words)
+    assert ending.value.code == 2
+    assert capsys.readouterr().err.startswith('usage: color_stereo')
 
 
 def test_a_missing_file_is_named_and_ends_with_status_1(failing, capsys):
@@ -76,7 +92,7 @@ def test_a_missing_file_is_named_and_ends_with_status_1(failing, capsys):
 def test_a_missing_extra_is_named_with_the_command_that_installs_it(failing, capsys, module,
                                                                      extra):
     assert failing(ModuleNotFoundError('no module', name=module)) == 1
-    assert f'pip install color_stereo_ros[{extra}]' in capsys.readouterr().err
+    assert f"pip install '.[{extra}]' in the folder of the sources" in capsys.readouterr().err
 
 
 def test_an_unknown_missing_module_is_a_bug_and_keeps_its_traceback(failing):

@@ -76,7 +76,7 @@ def test_an_integer_is_taken_for_a_float(file):
     ('pattern_node: {ros__parameters: {pattern: {seed: 7}}}',
      'holds parameters of pattern_node, expected those of range_node'),
     ('a: {ros__parameters: {}}\nb: {ros__parameters: {}}', 'holds parameters of a, b, expected'),
-    ('[1, 2', 'is no YAML file'),
+    ('[1, 2', "is no YAML, line 1: expected ',' or ']', but got 'the end'"),
     ('just words', 'holds str, expected names and values')])
 def test_any_other_file_is_refused_in_one_line_that_names_it(file, text, message):
     with pytest.raises(SettingsError) as refused:
@@ -91,7 +91,7 @@ def test_a_camera_calibration_is_refused_as_what_it_is():
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(SettingsError, match='missing.yaml: No such file'):
+    with pytest.raises(SettingsError, match='missing.yaml: cannot be read: No such file'):
         read_settings(tmp_path / 'missing.yaml')
 
 

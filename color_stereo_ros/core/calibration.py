@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from .types import CalibrationError, RectifiedGeometry
+from .yaml_file import load_yaml, UnreadableError
 
 # Number of distortion coefficients that each model may have; none means no distortion.
 DISTORTION_LENGTHS = {
@@ -20,6 +21,10 @@ DISTORTION_LENGTHS = {
 }
 ROTATION_TOLERANCE = 1e-3    # largest deviation of R R^T from the identity
 PROJECTION_TOLERANCE = 0.01  # px, between the entries of P that both cameras share
+# Of a camera_info file, in the order of the fields of CameraModel.
+PLAIN_FIELDS = 'image_width', 'image_height', 'distortion_model'
+MATRIX_FIELDS = ('distortion_coefficients', 'camera_matrix', 'rectification_matrix',
+                 'projection_matrix')
 BASELINE_LIMITS = (0.001, 5.0)  # m
 
 
@@ -384,22 +389,22 @@ def _camera_from_info(name, info):
 def _camera_from_yaml(name, path):
     """Return the CameraModel of one camera_info file."""
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, TypeError, UnicodeDecodeError) as error:
+        content = load_yaml(path)
+    except UnreadableError as error:
+        raise CalibrationError(f'{name} calibration {path} {error}') from error
+    except TypeError as error:
         raise CalibrationError(f'{name} calibration {path} cannot be read: {error}') from error
-    except yaml.YAMLError as error:
-        raise CalibrationError(f'{name} calibration {path} is no YAML: {error}') from error
     if not isinstance(content, dict):
         raise CalibrationError(f'{name} calibration {path} holds a {type(content).__name__}, '
                                'expected the fields of camera_info')
+    for key in (*PLAIN_FIELDS, *MATRIX_FIELDS):
+        field = content.get(key)
+        if field is None or key in MATRIX_FIELDS and (
+                not isinstance(field, dict) or 'data' not in field):
+            raise CalibrationError(f'{name} calibration {path} has no usable field {key!r}')
     try:
-        return CameraModel(
-            name, content['image_width'], content['image_height'], content['distortion_model'],
-            *(content[key]['data'] for key in (
-                'distortion_coefficients', 'camera_matrix', 'rectification_matrix',
-                'projection_matrix')))
-    except (KeyError, TypeError) as error:
-        raise CalibrationError(f'{name} calibration {path} has no usable field {error}') from error
+        return CameraModel(name, *(content[key] for key in PLAIN_FIELDS),
+                           *(content[key]['data'] for key in MATRIX_FIELDS))
     except CalibrationError as error:
         raise CalibrationError(f'{path}: {error}') from error
 

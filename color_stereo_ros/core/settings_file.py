@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings in YAML files: the parameter files of the nodes, and the same groups without a head."""
 
-from pathlib import Path
-
 import yaml
 
 from .settings import checked_value, flat, Settings, suggestion
 from .types import SettingsError
+from .yaml_file import load_yaml, UnreadableError
 
 SENSORS = ('range_node', 'lifecycle_range_node')
 """Nodes whose parameters the settings of the core belong to."""
@@ -81,12 +80,9 @@ def settings_text(values, node=None):
 def _content(path):
     """Return the mapping that a file holds, {} if it is empty."""
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except OSError as error:
-        raise SettingsError(f'{path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        reason = ' '.join(str(error).split())
-        raise SettingsError(f'{path}: is no YAML file: {reason}') from error
+        content = load_yaml(path)
+    except UnreadableError as error:
+        raise SettingsError(f'{path}: {error}') from error
     if content is None:
         return {}
     if not isinstance(content, dict):

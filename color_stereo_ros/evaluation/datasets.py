@@ -19,7 +19,9 @@ import numpy as np
 import yaml
 
 from ..core import ColorStereoError, ImageError, RecordingError, Settings, StereoCalibration
+from ..core.image_file import read_image
 from ..core.settings_file import read_settings, settings_text
+from ..core.yaml_file import load_yaml, UnreadableError
 from .metrics import Truth
 from .noise_limit import CameraNoise
 
@@ -76,14 +78,6 @@ def load_folder(path, values=None):
                  calibration, truth, settings, source, _folder_noise(path / 'noise.yaml'))
 
 
-def read_image(path):
-    """Return an image file as uint8 (H, W, 3) RGB, or raise RecordingError."""
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise RecordingError(f'{path} is missing or no image')
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
-
-
 def load_truth(path):
     """
     Read the truth of one pair.
@@ -106,8 +100,10 @@ def load_truth(path):
     try:
         with np.load(path) as arrays:
             depth, visible = arrays['depth'], arrays['visible']
-    except (OSError, ValueError, KeyError) as error:
-        raise RecordingError(f'{path} is no truth with depth and visible: {error}') from error
+    except OSError as error:
+        raise RecordingError(f'{path}: {error.strerror or "damaged"}') from error
+    except Exception as error:  # numpy lets nearly anything out of a damaged file
+        raise RecordingError(f'{path}: damaged, or no .npz file with depth and visible') from error
     if depth.ndim != 2 or depth.shape != visible.shape:
         raise ImageError(f'{path}: depth {depth.shape} and visible {visible.shape} must be two '
                          'images of one size')
@@ -126,11 +122,13 @@ def _folder_noise(path):
     if not path.exists():
         return ()
     try:
-        cameras = yaml.safe_load(path.read_text())
+        cameras = load_yaml(path)
         return tuple(CameraNoise(**cameras[side]) for side in ('left', 'right'))
-    except (OSError, yaml.YAMLError, TypeError, KeyError) as error:
-        raise RecordingError(f'{path} does not describe the noise of two cameras: {error}'
-                             ) from error
+    except UnreadableError as error:
+        raise RecordingError(f'{path}: {error}') from error
+    except (TypeError, KeyError) as error:
+        raise RecordingError(f'{path}: does not describe the noise of two cameras, expected '
+                             'left and right with floor, slope and the like') from error
 
 
 def save_folder(scene, path):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The errors of the simulated rig."""
 
-from color_stereo_ros.core.types import ColorStereoError
+from color_stereo_ros.core.types import ColorStereoError, SettingsError
 
 
-class SceneError(ColorStereoError):
+class SceneError(SettingsError):
     """A scene description is malformed; the text names the field, its value and what is legal."""
 
 

@@ -115,6 +115,8 @@ def texture_image(texture, color):
 def _ink(texture):
     """Return how much ink covers each texel, 0..1, shape (S, S) or (S, S, 3)."""
     import cv2
+
+    from color_stereo_ros.core.image_file import read_image
     pattern, scale = texture['pattern'], texture.get('scale', 24.0)
     generator = np.random.default_rng(texture.get('seed', 1))
     y, x = np.mgrid[0:TEXTURE_SIZE, 0:TEXTURE_SIZE] / TEXTURE_SIZE
@@ -123,8 +125,7 @@ def _ink(texture):
     if pattern == 'stripes':
         return (np.floor(x * scale) % 2).astype(np.float32)
     if pattern == 'image':
-        picture = cv2.imread(texture['file'], cv2.IMREAD_COLOR)
-        return 1 - cv2.resize(picture[..., ::-1], (TEXTURE_SIZE, TEXTURE_SIZE),
+        return 1 - cv2.resize(read_image(texture['file']), (TEXTURE_SIZE, TEXTURE_SIZE),
                               interpolation=cv2.INTER_AREA).astype(np.float32) / 255
     if pattern == 'none':
         return np.zeros((TEXTURE_SIZE, TEXTURE_SIZE), np.float32)

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .errors import SceneError
+
 FEATURES = ('boss', 'rib', 'bore', 'pocket', 'dome', 'roof', 'wave', 'noise')
 
 
@@ -60,13 +62,23 @@ def relief_heights(form):
 def _from_file(form, resolution):
     """Return the heights of an image (white = `height`) or of a .npy array in m."""
     import cv2
+
+    from color_stereo_ros.core.image_file import read_image_as_is
     if Path(form['file']).suffix == '.npy':
-        heights = np.load(form['file']).astype(np.float64)
+        heights = _array(form['file'])
     else:
-        picture = cv2.imread(form['file'], cv2.IMREAD_UNCHANGED)
+        picture = read_image_as_is(form['file'])
         picture = picture if picture.ndim == 2 else picture[..., 1]
         heights = form['height'] * picture / np.iinfo(picture.dtype).max
     return cv2.resize(heights, (resolution, resolution), interpolation=cv2.INTER_LINEAR)
+
+
+def _array(path):
+    """Return the numbers of a .npy file, float64."""
+    try:
+        return np.load(path).astype(np.float64)
+    except (OSError, ValueError, EOFError) as error:
+        raise SceneError(f'{path}: damaged, or no .npy array of numbers') from error
 
 
 def _within(x, y, feature):

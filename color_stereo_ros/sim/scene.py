@@ -6,8 +6,7 @@ import hashlib
 import json
 from pathlib import Path
 
-import yaml
-
+from color_stereo_ros.core.yaml_file import load_yaml, UnreadableError
 from .errors import SceneError
 from .fields import Reader
 from .rig import read_rig, Rig
@@ -143,11 +142,9 @@ def _description(source, shipped, names, kind, folder=Path('.')):
     elif not path.is_absolute() and not path.is_file():
         path = folder / path
     try:
-        return yaml.safe_load(path.read_text(encoding='utf-8')), path.stem, path.parent
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f'{kind} {path} cannot be read: {error}') from error
-    except yaml.YAMLError as error:
-        raise SceneError(f'{kind} {path} is no YAML: {error}') from error
+        return load_yaml(path), path.stem, path.parent
+    except UnreadableError as error:
+        raise SceneError(f'{kind} {path} {error}') from error
 
 
 def _fingerprint(content, rig_content, objects):

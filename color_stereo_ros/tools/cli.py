@@ -17,7 +17,7 @@ import sys
 
 from .. import __version__
 
-BAD_INPUT = 2
+WRONG_USAGE = 2  # as argparse has it
 FAILURE = 1
 INTERRUPTED = 130
 
@@ -41,19 +41,23 @@ def main(argv=None):
     Returns
     -------
     status : int
-        0 = done, 1 = failed, 2 = bad arguments or bad input, 130 = interrupted.
+        0 = done, 1 = it failed, 2 = wrong arguments or settings, 130 = interrupted.
 
     """
     argv = sys.argv[1:] if argv is None else list(argv)
     commands = find_commands()
     parser = argparse.ArgumentParser(
-        prog='color_stereo', description='Range images from two color cameras and a projector.')
+        prog='color_stereo', description='Range images from two color cameras and a projector.',
+        epilog='Exit status: 0 = done; 1 = it failed, for example because a file is missing or '
+        'damaged; 2 = the command line or a settings file is wrong; 130 = interrupted.',
+        allow_abbrev=False)
     parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
     subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     chosen = next((word for word in argv if not word.startswith('-')), None)
     try:
         for name, summary in commands.items():
-            subparser = subparsers.add_parser(name, help=summary, description=summary)
+            subparser = subparsers.add_parser(name, help=summary, description=summary,
+                                              allow_abbrev=False)
             if name == chosen:
                 module = importlib.import_module(f'{__package__}.{name}')
                 module.add_arguments(subparser)
@@ -89,9 +93,9 @@ def _summary(path):
 def _explained(error):
     """Return (one line, exit status) for an error that a user can act on; raise any other."""
     # Imported here: the core takes a second to import, which `--help` should not pay.
-    from ..core.types import ColorStereoError
+    from ..core.types import ColorStereoError, SettingsError
     if isinstance(error, ColorStereoError):
-        return error, BAD_INPUT
+        return error, WRONG_USAGE if isinstance(error, SettingsError) else FAILURE
     if isinstance(error, ModuleNotFoundError):
         return _missing_extra(error), FAILURE
     if isinstance(error, OSError):
@@ -105,8 +109,8 @@ def _missing_extra(error):
     missing = (error.name or '').partition('.')[0]
     for extra, modules in EXTRAS.items():
         if missing in modules:
-            return (f'this command needs {missing!r}, which is not installed: '
-                    f'pip install color_stereo_ros[{extra}]')
+            return (f'this command needs {missing!r}, which is not installed; it comes with the '
+                    f"extra [{extra}]: pip install '.[{extra}]' in the folder of the sources")
     raise error
 
 

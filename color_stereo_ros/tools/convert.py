@@ -28,15 +28,15 @@ def run(args):
 
     from tqdm import tqdm
 
-    from ..core import RecordingError
+    from ..core import SettingsError
     from ..nodes.parameters import RangeNodeSettings
     from .arguments import settings_from
     from .offline import OfflineNode
     from .recording import Recording, write_recording
     settings = settings_from(args, RangeNodeSettings())
     if Path(args.recording).resolve() == Path(args.result).resolve():
-        raise RecordingError(f'{args.result}: is the recording itself; name another folder for '
-                             'the result')
+        raise SettingsError(f'{args.result}: is the recording itself; name another folder for '
+                            'the result')
     with Recording(args.recording) as recording:
         topics = recording.stereo_topics(args.namespace)
         with write_recording(args.result, overwrite=args.overwrite) as writer, \

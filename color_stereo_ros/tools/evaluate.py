@@ -83,6 +83,8 @@ def check_arguments(args):
     if args.json and not (args.folders or args.ablation):
         raise SettingsError('--json is for FOLDER or --ablation; the experiments of the paper '
                             'write figures.json into the folder of --output')
+    if not 0 <= args.seed < 2**31:
+        raise SettingsError(f'--seed = {args.seed} is outside 0 .. {2**31 - 1}')
     if getattr(args, 'matching.method') is not None:
         raise SettingsError('--matching.method: choose by --methods what is evaluated')
 
@@ -179,7 +181,10 @@ def parsed_settings(assignments):
         name, equals, value = text.partition('=')
         if not equals:
             raise SettingsError(f'--set {text!r} is no NAME=VALUE')
-        values[name.strip()] = yaml.safe_load(value)
+        try:
+            values[name.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise SettingsError(f'--set {text!r}: the value is no YAML') from error
     return values
 
 

@@ -24,7 +24,7 @@ def run(args):
 
     from ..core import ColorStereo, StereoCalibration
     from ..core.account import doubts_about_images, doubts_about_result
-    from ..evaluation.datasets import read_image
+    from ..core.image_file import read_image
     from .arguments import settings_from
     settings = settings_from(args)
     calibration = StereoCalibration.from_yaml(*args.calibration)

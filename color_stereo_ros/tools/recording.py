@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 import os
 from pathlib import Path
+import re
 import tempfile
 
 import numpy as np
@@ -184,7 +185,21 @@ class Recording:
             raise
         except Exception as error:
             raise RecordingError(f'{self.path}: damaged or only half written: '
-                                 f'{error or type(error).__name__}') from error
+                                 f'{_damage(error)}') from error
+
+
+def _damage(error):
+    """Return in one line, without Python's names, what `rosbags` found wrong with a file."""
+    from rosbags.rosbag2 import ReaderError
+    text = ' '.join(str(error).split())
+    if field := re.search(r"KeyError\('(\w+)'\)", text):
+        return f'metadata.yaml has no field {field.group(1)}'
+    if 'Could not load YAML' in text:
+        line = re.search(r'line (\d+)', text)
+        return 'metadata.yaml is no YAML' + (f', see line {line.group(1)}' if line else '')
+    if 'Invalid bag metadata' in text or isinstance(error, UnicodeDecodeError):
+        return ('metadata.yaml' if 'metadata' in text else 'an entry') + ' has impossible contents'
+    return text.rstrip('.') if isinstance(error, ReaderError) and text else 'it cannot be decoded'
 
 
 def _is_latched(connection):

@@ -80,16 +80,12 @@ def _scene(args):
 
 def _pattern(args):
     """Return the pattern, uint8 (H, W, 3), and the flat settings by which a matcher knows it."""
-    import cv2
-
-    from ..core import ImageError, make_pattern
+    from ..core import make_pattern
+    from ..core.image_file import read_image
     from .arguments import given_settings, settings_from
     if args.pattern is None:
         return make_pattern(settings_from(args).pattern), given_settings(args)
-    image = cv2.imread(args.pattern, cv2.IMREAD_COLOR)
-    if image is None:
-        raise ImageError(f'--pattern = {args.pattern!r} is missing or no image')
-    return image[..., ::-1].copy(), {'pattern.type': 'unknown', **given_settings(args)}
+    return read_image(args.pattern), {'pattern.type': 'unknown', **given_settings(args)}
 
 
 def _frames(args, scene, pattern):

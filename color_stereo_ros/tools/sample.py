@@ -7,6 +7,9 @@ RECORDING = 'recording'
 TRUTH = 'truth.npz'
 SETTINGS = 'settings.yaml'
 
+MOST_PAIRS = 10000
+LONGEST_PERIOD = 3600.0  # s
+
 START_NS = 1_767_225_600_000_000_000
 """The first stamp, 2026-01-01 00:00 UTC: fixed, so that a sample made again is the same."""
 
@@ -31,10 +34,11 @@ def run(args):
 
     from ..core import SettingsError
     from .arguments import given_settings, settings_from
-    if args.pairs < 1:
-        raise SettingsError(f'--pairs = {args.pairs} is outside 1 .. inf')
-    if not args.period > 0:
-        raise SettingsError(f'--period = {args.period} s is not larger than 0 s')
+    if not 1 <= args.pairs <= MOST_PAIRS:
+        raise SettingsError(f'--pairs = {args.pairs} is outside 1 .. {MOST_PAIRS}')
+    if not 0 < args.period <= LONGEST_PERIOD:
+        raise SettingsError(f'--period = {args.period} s must be larger than 0 s, at most '
+                            f'{LONGEST_PERIOD} s')
     settings_from(args)
     write_sample(Path(args.scene), Path(args.output), given_settings(args), args.pairs,
                  args.period, args.overwrite)
