@@ -100,6 +100,7 @@ def test_the_demo_says_what_is_missing_when_no_output_comes(tmp_path, scene_fold
                          timeout=120)
     assert ran.returncode == 1
     assert 'no complete output within 6 s' in ran.stderr and 'depth/image' in ran.stderr
+    assert re.search(r'range_node is (compiling its kernels|ready; \d of \d outputs)', ran.stdout)
     assert 'Traceback' not in ran.stderr
 
 

@@ -31,7 +31,8 @@ OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': Poin
 
 LOG = 'log'
 MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
-NOTE_AFTER = 5.0  # s: whoever waits longer is told why
+NOTE_EVERY = 3.0  # s: whoever waits is told why, and that something goes on
+READY = 'ready after'  # range_node says so when its kernels are compiled
 
 COMMANDS = """\
 color_stereo replay {recording} --loop
@@ -132,17 +133,26 @@ class Demo:
         return messages, image_to_rgb(patterns[-1]), seconds
 
     def _wait(self, node, processes, name, condition, collector, patterns):
-        if spin_until(node, condition, min(NOTE_AFTER, self.wait), processes.check):
-            return
-        self._say(f'{name}: range_node is getting ready (once, it compiles its kernels)')
-        if spin_until(node, condition, self.wait - NOTE_AFTER, processes.check):
-            return
+        end = time.monotonic() + self.wait
+        while (left := end - time.monotonic()) > 0:
+            if spin_until(node, condition, min(NOTE_EVERY, left), processes.check):
+                return
+            self._say(f'{name}: {waiting_for(name, processes, collector)}')
         missing = [topic for topic, count in collector.received.items() if not count]
         missing += [] if patterns else ['pattern/image']
         raise LiveError(
             f'{name}: no complete output within {self.wait:.0f} s; nothing came on '
             f'{", ".join(missing) or "no topic, but never all of one stamp"}. range_node said:\n'
             f'{processes.log_tail(f"{name}_range_node")}')
+
+
+def waiting_for(name, processes, collector):
+    """Return what a demo waits for, as text."""
+    if READY not in processes.log(f'{name}_range_node'):
+        return ('range_node is compiling its kernels, once per machine; this takes up to a '
+                'minute ...')
+    arrived = sum(count > 0 for count in collector.received.values())
+    return f'range_node is ready; {arrived} of {len(collector.received)} outputs have arrived ...'
 
 
 def first_pair(recording):

@@ -92,13 +92,15 @@ def check_arguments(args):
 def run_folders(args, methods):
     """Evaluate folders with truth and print one table for each."""
     from ..evaluation.methods import evaluate
+    from .patience import patience
     records = []
     for scene in loaded(args):
         print(f'\n{scene.name}: {scene.settings["range.min_depth"]} .. '
               f'{scene.settings["range.max_depth"]} m ({scene.limits_source})')
         print(table_row('', [title for title, _, _ in COLUMNS]))
         for method in methods:
-            _, figures = evaluate(scene, method, {}, args.repeats)
+            with patience('measuring; on the first run the kernels are compiled, too'):
+                _, figures = evaluate(scene, method, {}, args.repeats)
             records.append({'experiment': 'folder', 'scene': scene.name, 'method': method,
                             'settings': scene.settings, 'figures': figures})
             print(table_row(method, [cell(figures, key, form) for _, key, form in COLUMNS]),

@@ -16,6 +16,7 @@ from ..nodes.calibration_watch import CalibrationWatch
 from ..nodes.messages import image_to_rgb, stamp_ns
 from ..nodes.outputs import Outputs
 from ..nodes.synchroniser import Synchronizer
+from .patience import patience
 from .recording import IMAGE
 from .replay import message_class
 
@@ -106,8 +107,9 @@ class OfflineNode:
         if self._watch.error is not None:
             self._say(f'calibration refused: {self._watch.error}')
         elif self._watch.calibration is not None:
-            self._stereo = ColorStereo(self._watch.calibration, self._settings.core,
-                                       rectified_input=self._settings.input.rectified)
+            with patience():
+                self._stereo = ColorStereo(self._watch.calibration, self._settings.core,
+                                           rectified_input=self._settings.input.rectified)
 
     def _measure_waiting(self):
         while self._stereo is not None and self._waiting:

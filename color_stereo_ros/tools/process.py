@@ -26,11 +26,13 @@ def run(args):
     from ..core.account import doubts_about_images, doubts_about_result
     from ..core.image_file import read_image
     from .arguments import settings_from
+    from .patience import patience
     settings = settings_from(args)
     calibration = StereoCalibration.from_yaml(*args.calibration)
     left, right = read_image(args.left), read_image(args.right)
     warn_of(doubts_about_images(left, right))
-    stereo = ColorStereo(calibration, settings, rectified_input=args.rectified)
+    with patience():
+        stereo = ColorStereo(calibration, settings, rectified_input=args.rectified)
     result = stereo.process(left, right)
     output = Path(args.output)
     write_result(output, result, settings.range)
