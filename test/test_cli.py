@@ -73,8 +73,8 @@ def test_bad_input_ends_with_one_line_and_status_1(failing, capsys, kind):
     assert capsys.readouterr().err == 'color_stereo: left.png: damaged\n'
 
 
-@pytest.mark.parametrize('words', [['settings', '--form', 'yaml'], ['settings', '--range.min', '1'],
-                                   ['--vers']])
+@pytest.mark.parametrize('words', [['settings', '--form', 'yaml'],
+                                   ['settings', '--range.min', '1'], ['--vers']])
 def test_options_are_never_abbreviated(words, capsys):
     with pytest.raises(SystemExit) as ending:
         cli.main(words)

@@ -21,10 +21,11 @@ EXECUTABLES = {'range_node', 'lifecycle_range_node', 'pattern_node', 'sim_rig_no
                'color_stereo'}
 
 ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'numpy': 'python3-numpy',
-               'yaml': 'python3-yaml', 'matplotlib': 'python3-matplotlib'}
+               'yaml': 'python3-yaml', 'matplotlib': 'python3-matplotlib',
+               'tqdm': 'python3-tqdm'}
 """Module to rosdep key, where they differ."""
 
-FROM_PYPI = {'mitsuba', 'drjit', 'rosbags', 'tqdm'}
+FROM_PYPI = {'mitsuba', 'drjit', 'rosbags'}
 """Modules of the extras that rosdep does not install."""
 
 
@@ -72,6 +73,24 @@ def test_package_xml_names_every_dependency_that_is_imported(manifest):
     named = {element.text for element in manifest.iter('exec_depend')}
     missing = {name for name in foreign if ROSDEP_KEYS.get(name, name) not in named}
     assert not missing
+
+
+def test_package_xml_names_everything_that_the_launch_files_start(manifest):
+    named = {element.text for element in manifest.iter('exec_depend')} | {'color_stereo_ros'}
+    assert 'ros2launch' in named
+    for path in (ROOT / 'launch').glob('*.xml'):
+        launch = ElementTree.parse(path).getroot()
+        assert {node.get('pkg') for node in launch.iter('node')} <= named, path
+        for command in (element.get('cmd') for element in launch.iter('executable')):
+            program, verb, *_ = command.split()
+            assert (program, f'ros2{verb}') in {('ros2', name) for name in named}, command
+
+
+def test_the_storage_of_the_samples_is_a_dependency(manifest):
+    named = {element.text for element in manifest.iter('exec_depend')}
+    storages = {re.search(r'storage_identifier: (\w+)', path.read_text()).group(1)
+                for path in (ROOT / 'sample').glob('*/recording/metadata.yaml')}
+    assert storages and {f'rosbag2_storage_{name}' for name in storages} <= named
 
 
 def test_every_executable_can_be_imported():
