@@ -45,6 +45,16 @@ def test_every_command_explains_its_arguments(name, capsys):
     assert cli.find_commands()[name] in ' '.join(capsys.readouterr().out.split())
 
 
+@pytest.mark.parametrize('name', ['process', 'convert', 'evaluate', 'sample'])
+def test_the_usage_stays_short_and_the_settings_are_listed_below_it(name, capsys):
+    with pytest.raises(SystemExit):
+        cli.main([name, '--help'])
+    usage, _, rest = capsys.readouterr().out.partition('\n\n')
+    assert usage.count('\n') < 6 and '[--SETTING VALUE]' in usage
+    assert '--range.min_depth X' in rest and '0.001 .. 1000.0 m, default 0.2' in ' '.join(
+        rest.split())
+
+
 def test_help_imports_neither_numpy_nor_ros_nor_a_simulator():
     code = ('import sys\nfrom color_stereo_ros.tools import cli\n'
             'try:\n    cli.main(["--help"])\nexcept SystemExit:\n    pass\n'

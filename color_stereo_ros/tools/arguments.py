@@ -29,11 +29,37 @@ def add_settings_arguments(parser, groups=None, settings=Settings()):
     for name, default, meta in described(settings):
         if groups and name.partition('.')[0] not in groups:
             continue
-        unit = f', {meta["unit"]}' if meta['unit'] else ''
         section.add_argument(
             f'--{name}', type=_parser(default), choices=meta['choices'], default=None,
-            metavar=None if meta['choices'] else type(default).__name__.upper(),
-            help=f'{meta["description"]} (default {default}{unit})'.replace('%', '%%'))
+            metavar=METAVARS[type(default)],
+            help=f'{meta["description"]} ({_legal(default, meta)})'.replace('%', '%%'))
+
+
+METAVARS = {bool: 'BOOL', int: 'N', float: 'X', str: 'NAME'}
+
+
+def _legal(default, meta):
+    """Return the legal values and the default as text."""
+    unit = f' {meta["unit"]}' if meta['unit'] else ''
+    if isinstance(default, bool):
+        return f'true or false, default {str(default).lower()}'
+    if meta['choices']:
+        told = all(choice in meta['description'] for choice in meta['choices'])
+        return ('' if told else f'one of {", ".join(meta["choices"])}; ') + f'default {default}'
+    if isinstance(default, str):
+        return f'default {default or "empty"}'
+    return f'{meta["minimum"]} .. {meta["maximum"]}{unit}, default {default}'
+
+
+class Help(argparse.HelpFormatter):
+    """Names the settings once in the usage line, instead of all forty; the list follows anyway."""
+
+    def add_usage(self, usage, actions, groups, prefix=None):
+        """Add the usage line."""
+        short = [action for action in actions if '.' not in action.dest]
+        if len(short) < len(actions):
+            short.append(argparse.Action(['--SETTING'], 'setting', metavar='VALUE'))
+        super().add_usage(usage, short, groups, prefix)
 
 
 def _parser(default):

@@ -48,7 +48,7 @@ def main(argv=None):
     commands = find_commands()
     parser = argparse.ArgumentParser(
         prog='color_stereo', description='Range images from two color cameras and a projector.',
-        epilog='Exit status: 0 = done; 1 = it failed, for example because a file is missing or '
+        epilog='`color_stereo COMMAND --help` explains a command. Exit status: 0 = done; 1 = it failed, for example because a file is missing or '
         'damaged; 2 = the command line or a settings file is wrong; 130 = interrupted.',
         allow_abbrev=False)
     parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
@@ -59,6 +59,8 @@ def main(argv=None):
             subparser = subparsers.add_parser(name, help=summary, description=summary,
                                               allow_abbrev=False)
             if name == chosen:
+                from .arguments import Help
+                subparser.formatter_class = Help
                 module = importlib.import_module(f'{__package__}.{name}')
                 module.add_arguments(subparser)
                 subparser.set_defaults(run=module.run)

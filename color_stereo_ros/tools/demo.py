@@ -10,10 +10,11 @@ def add_arguments(parser):
                         help='folder of samples, as `color_stereo sample` makes them (default '
                              'sample)')
     parser.add_argument('--output', default='demo_output', metavar='FOLDER',
-                        help='folder to fill (default demo_output)')
+                        help='folder to fill; only the output of an earlier demo is replaced '
+                        '(default demo_output)')
     parser.add_argument('--wait', type=float, default=120.0, metavar='S',
-                        help='give up if a node says nothing for so long, s (default 120: the '
-                             'kernels are compiled once per machine)')
+                        help='give up on a sample if there is no complete output after so many '
+                             'seconds (default 120: the kernels are compiled once per machine)')
 
 
 def run(args):

@@ -35,7 +35,8 @@ def add_arguments(parser):
                              'or folders of them; without any, the experiments of the paper on '
                              'the simulated rig')
     parser.add_argument('--methods', default=DEFAULT_METHODS, metavar='A,B',
-                        help=f'methods, separated by commas (default {DEFAULT_METHODS})')
+                        help=f'methods, separated by commas; bm, sgbm and 3way are OpenCV\'s '
+                             f'(default {DEFAULT_METHODS})')
     parser.add_argument('--quick', action='store_true',
                         help='fewer and coarser experiments: minutes instead of half an hour')
     parser.add_argument('--ablation', action='store_true',
@@ -46,7 +47,7 @@ def add_arguments(parser):
     parser.add_argument('--renders', type=Path, metavar='DIR',
                         help='keeps the rendered pairs for the next run (default: renders in the '
                              'folder of --output)')
-    parser.add_argument('--seed', type=int, default=1,
+    parser.add_argument('--seed', type=int, default=1, metavar='N',
                         help='seed of the simulated noise (default 1)')
     parser.add_argument('--depth', nargs=2, type=float, metavar=('NEAR', 'FAR'),
                         help='depth limits of FOLDER in m, the same as --range.min_depth and '
@@ -55,7 +56,7 @@ def add_arguments(parser):
     parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE',
                         help='the same as --NAME VALUE, for example pattern.type=sweep; '
                              'repeatable')
-    parser.add_argument('--repeats', type=int, default=3,
+    parser.add_argument('--repeats', type=int, default=3, metavar='N',
                         help='runs of a fast method; the shortest time counts (default 3)')
     parser.add_argument('--json', type=Path, metavar='FILE',
                         help='write all figures of FOLDER or of --ablation to a file')

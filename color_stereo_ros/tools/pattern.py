@@ -7,7 +7,8 @@ SUMMARY = 'write the image that the projector must show'
 def add_arguments(parser):
     """Declare the arguments."""
     from .arguments import add_settings_arguments
-    parser.add_argument('output', help='image file, for example pattern.png')
+    parser.add_argument('output', help='image file, for example pattern.png; a format without '
+                        'loss, for JPEG changes the colors')
     add_settings_arguments(parser, groups=('pattern',))
 
 

@@ -7,14 +7,17 @@ SUMMARY = 'measure one pair of image files: depth, points and pictures into a fo
 def add_arguments(parser):
     """Declare the arguments."""
     from .arguments import add_settings_arguments
-    parser.add_argument('left', help='raw image of the left camera')
-    parser.add_argument('right', help='raw image of the right camera')
+    parser.add_argument('left', help='image of the left camera: PNG, JPEG, TIFF or the like, in '
+                        'color, as the camera took it')
+    parser.add_argument('right', help='image of the right camera, taken at the same moment')
     parser.add_argument('--calibration', nargs=2, required=True, metavar=('LEFT', 'RIGHT'),
-                        help='the camera_info YAML files of both cameras')
+                        help='the camera_info YAML files of both cameras, calibrated as a pair, '
+                        'for example by camera_calibration')
     parser.add_argument('--output', default='process_output', metavar='FOLDER',
-                        help='folder to fill (default process_output)')
+                        help='folder to fill; files of an earlier run are replaced (default '
+                        'process_output)')
     parser.add_argument('--rectified', action='store_true', help='the images are rectified '
-                        'already')
+                        'already: only P of the calibration is used')
     add_settings_arguments(parser)
 
 

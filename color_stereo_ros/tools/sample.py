@@ -24,7 +24,7 @@ def add_arguments(parser):
                         help='how often the pair is recorded (default 3)')
     parser.add_argument('--period', type=float, default=0.5, metavar='S',
                         help='time between two pairs, s (default 0.5)')
-    parser.add_argument('--overwrite', action='store_true', help='replace what is there')
+    parser.add_argument('--overwrite', action='store_true', help='replace an earlier sample')
     add_settings_arguments(parser)
 
 

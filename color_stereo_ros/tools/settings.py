@@ -8,8 +8,8 @@ def add_arguments(parser):
     """Declare the arguments."""
     from .arguments import add_settings_arguments
     parser.add_argument('--format', choices=('table', 'yaml', 'markdown'), default='table',
-                        help='table: for reading (default); yaml: for --params-file; markdown: '
-                             'for documents')
+                        help='table: for reading (default); yaml: for --params-file of the '
+                             'nodes and --config of the commands; markdown: for documents')
     add_settings_arguments(parser)
 
 

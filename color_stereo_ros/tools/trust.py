@@ -14,7 +14,7 @@ ROUNDS = 3      # the trust decides who hides whom, and that is evidence again
 def add_arguments(parser):
     """Declare the arguments."""
     parser.add_argument('scenes', nargs='*', default=SCENES, metavar='SCENE',
-                        help='names of simulated scenes (default: %(default)s)')
+                        help=f'names of simulated scenes (default: {" ".join(SCENES)})')
     parser.add_argument('--cache', metavar='FOLDER', default='render_output/cache',
                         help='keeps what does not depend on the pattern (default %(default)s)')
 
