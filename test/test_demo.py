@@ -80,6 +80,7 @@ def test_the_demo_leaves_pictures_points_and_a_page(tmp_path, scene_folder):
     page = (output / 'index.html').read_text()
     assert 'src="http' not in page and 'href="' not in page  # nothing is fetched from elsewhere
     assert len(re.findall('src="data:image/png;base64,', page)) == 7
+    assert all(re.findall('<img alt="([^"]*)"', page))
     correct = re.search(r'visible pixels right within 1 %</td><td>([\d.]+) %', page).group(1)
     assert float(correct) > 80
 

@@ -87,6 +87,16 @@ class Balanced(HTMLParser):
             assert self.open.pop() == tag
 
 
+def test_every_picture_of_the_page_has_a_description(run, tmp_path):
+    laboratory, records = run
+    report.write_report(tmp_path / 'report.html', laboratory, records, {})
+    text = (tmp_path / 'report.html').read_text(encoding='utf-8')
+    alternatives = re.findall(r'<img alt="([^"]*)"', text)
+    labels = re.findall(r'<svg role="img" aria-label="([^"]*)"', text)
+    assert len(alternatives) == text.count('<img') and len(labels) == text.count('<svg')
+    assert alternatives and labels and all(alternatives) and all(labels)
+
+
 def test_the_page_shows_the_papers_figures_beside_ours(run, tmp_path):
     laboratory, records = run
     path = tmp_path / 'report.html'

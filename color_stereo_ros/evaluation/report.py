@@ -233,7 +233,8 @@ class Page:
             note('Mean absolute error in mm; below it in % of the distance, and the density. The '
                  "printed figures are the paper's. &lsquo;As printed&rsquo; repeats its reading: "
                  'one sweep, a window of nine pixels of one row, whole pixels.'), body,
-            figure(plots.distance_plot(plain, self.methods)))))
+            figure(plots.distance_plot(plain, self.methods),
+                   'Mean error of each method over the distance of the reflector'))))
 
     def table_32(self):
         """Return the section of the paper's table 3.2."""
@@ -245,7 +246,8 @@ class Page:
             'material', materials, records, lambda name: name.replace('_', ' '), TABLE_32.get)
         plain = [r for r in records if not r['values']]
         return section('t32', 'Table 3.2: different reflectors at 350 mm', ''.join((
-            body, figure(plots.material_plot(plain, self.methods, materials)))))
+            body, figure(plots.material_plot(plain, self.methods, materials),
+                         'Mean error of each method for each material'))))
 
     def _paper_table(self, title, abscissae, records, name, printed):
         """Return the table of mean errors beside the paper's own figures."""
@@ -276,7 +278,8 @@ class Page:
             note("The camera sees the white reflector under one sweep; blue is the chip's weak "
                  'channel. Scaling equalizes the channels and their slowly varying amplitude, '
                  'smoothing removes the rest.')
-            + figure(plots.profile_plot(self.lab.profile))))
+            + figure(plots.profile_plot(self.lab.profile),
+                     'Red, green and blue along one image line, before and after correction')))
 
     def ridge(self):
         """Return the section of the paper's figure 3.2."""
@@ -293,7 +296,8 @@ class Page:
         return section('ridge', 'Fig. 3.2: a ridge in three dimensions', ''.join((
             note('The paper reports a largest error of about 2 mm over the evaluated area. Each '
                  'method under the pattern it is meant for.'),
-            f'<div class="ridge">{figure(plots.surface_plot(chosen, (0.33, 0.47)))}</div>',
+            '<div class="ridge">', figure(plots.surface_plot(chosen, (0.33, 0.47)),
+                                          'The ridge as each method measures it'), '</div>',
             table(['method', 'mean error', '95th percentile', 'about its planes'], rows))))
 
     def paper_object(self):
@@ -331,7 +335,9 @@ class Page:
                 for label, pattern, chosen, own in self.contenders('complex')]
         parts = [table(['method', 'pattern', *(title for title, _, _ in COLUMNS)], rows),
                  '<h3>Why a visible pixel has no range</h3>',
-                 figure(plots.status_plot(records, self.methods)), error_legend()]
+                 figure(plots.status_plot(records, self.methods),
+                        'Share of the visible pixels by reason, for each method'),
+                 error_legend()]
         parts += [self._scene(name) for name in scenes]
         return section('complex', f'{len(scenes)} complex scenes', ''.join(parts))
 
@@ -358,8 +364,10 @@ class Page:
                         plots.photograph(kept['left image']))]
         for method in methods:
             if method in kept:
-                panels += [panel(label_of(method), plots.picture(kept[method])),
-                           panel('its errors', plots.picture(kept[f'{method} error']))]
+                name = label_of(method)
+                panels += [panel(name, plots.picture(kept[method]), f'Range map of {name}'),
+                           panel('its errors', plots.picture(kept[f'{method} error']),
+                                 f'Where {name} errs')]
         return panels
 
     def trust(self):
@@ -375,14 +383,15 @@ class Page:
             note('Left and middle: what remains wrong when only the most trusted ranges are kept. '
                  "OpenCV's matchers give no confidence: a point. Right: of the pixels with "
                  'confidence c, how many are within 1 px; false ranges count as wrong.'),
-            figure(plots.trust_plot(records, self.methods)),
+            figure(plots.trust_plot(records, self.methods),
+                   'Errors over the share of ranges kept; share of right ranges over confidence'),
             table(['method', 'pattern', 'calibration error', 'z: robust std (1)',
                    'z: within 2 (0.954)', 'locking, px'], rows),
             '<h3>Pixel locking</h3>',
             note('Mean error against the fractional part of the true disparity: a matcher that '
                  'prefers whole pixels draws a wave.'),
-            figure(plots.locking_plot(records + self.of('sweep_slope', values={}),
-                                      self.methods)))))
+            figure(plots.locking_plot(records + self.of('sweep_slope', values={}), self.methods),
+                   'Mean error over the fractional part of the true disparity'))))
 
     def sweeps(self):
         """Return the section of the sweeps."""
@@ -391,7 +400,8 @@ class Page:
             records = self.of(f'sweep_{name}')
             if records:
                 parts.append(f'<h3>{title[0].upper() + title[1:]}</h3>'
-                             + figure(plots.sweep_plot(name, records, self.methods)))
+                             + figure(plots.sweep_plot(name, records, self.methods),
+                                      f'Figures of each method: {title}'))
         if not parts:
             return ''
         return section('sweeps', 'Sweeps', ''.join(parts))
@@ -416,14 +426,23 @@ def note(text):
     return f'<p class="soft">{text}</p>'
 
 
-def figure(content):
-    """Return a figure."""
-    return f'<figure>{content}</figure>'
+def figure(content, text):
+    """Return a figure; the text is for those who cannot see it."""
+    return f'<figure>{described(content, text)}</figure>'
 
 
-def panel(title, image):
-    """Return one picture of a gallery."""
-    return f'<figure>{image}<figcaption>{escape(title)}</figcaption></figure>'
+def panel(title, image, text=''):
+    """Return one picture of a gallery; the text says more than the title if that is short."""
+    return (f'<figure>{described(image, text or title)}'
+            f'<figcaption>{escape(title)}</figcaption></figure>')
+
+
+def described(content, text):
+    """Return an embedded image or inline SVG with a description for screen readers."""
+    label = escape(text, quote=True)
+    if content.startswith('<svg'):
+        return content.replace('<svg', f'<svg role="img" aria-label="{label}"', 1)
+    return content.replace('alt=""', f'alt="{label}"', 1)
 
 
 def table(heads, rows):

@@ -13,12 +13,13 @@ def add_arguments(parser):
     from .arguments import add_settings_arguments
     parser.add_argument('recording', help='rosbag2 folder, or a single .mcap or .db3 file')
     parser.add_argument('result', help='rosbag2 folder to make; it appears when it is complete')
-    parser.add_argument('--namespace', metavar='NAME', help='namespace of the cameras, needed where a '
-                        'recording has several pairs')
+    parser.add_argument('--namespace', metavar='NAME', help='namespace of the cameras, needed '
+                        'where a recording has several pairs')
     parser.add_argument('--topics', nargs='+', choices=list(TOPICS), default=list(DEFAULT_TOPICS),
                         metavar='TOPIC', help=f'outputs of range_node to write, of '
                         f'{", ".join(TOPICS)} (default {" ".join(DEFAULT_TOPICS)})')
-    parser.add_argument('--overwrite', action='store_true', help='replace RESULT if it is a recording')
+    parser.add_argument('--overwrite', action='store_true',
+                        help='replace RESULT if it is a recording')
     add_settings_arguments(parser, settings=RangeNodeSettings())
 
 

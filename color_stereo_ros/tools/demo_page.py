@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 import json
+import re
 from string import Template
 
 import cv2
@@ -169,12 +170,17 @@ def _section(item):
         ('plot', error_plot(item.error, limit), 'Against the truth, where both cameras see'),
         ('plot', surface_plot(item.points, near, far), 'The surface (fig. 3.2 of the paper)'),
     ]
-    figures = [f'<figure class="{kind}"><img alt="" src="data:image/png;base64,'
+    figures = [f'<figure class="{kind}"><img alt="{_plain(caption)}" src="data:image/png;base64,'
                f'{b64encode(png).decode()}"><figcaption>{caption}</figcaption></figure>'
                for kind, png, caption in pictures]
     return (f'<h2>{escape(item.name)}</h2><p class="soft">Pixels without a range: '
             f'{reasons(item.result.status)}.</p>\n<div class="grid">'
             + '\n'.join([*figures[:3], _viewer(item, near, far), *figures[3:]]) + '</div>')
+
+
+def _plain(caption):
+    """Return a caption without its tags, for screen readers."""
+    return re.sub('<[^>]*>', '', caption)
 
 
 def _encoded(image):
@@ -199,7 +205,9 @@ def _viewer(item, near, far):
             'camera': item.result.image[step][known]}
     text = json.dumps({name: b64encode(np.ascontiguousarray(values).tobytes()).decode()
                        for name, values in data.items()})
-    return (f'<figure><canvas width="520" height="520" data-cloud="cloud-{escape(item.name)}">'
+    return ('<figure><canvas width="520" height="520" role="img" '
+            'aria-label="The measured points in three dimensions" '
+            f'data-cloud="cloud-{escape(item.name)}">'
             f'</canvas><figcaption><code>points</code>, {len(xyz)} of them: drag to turn, wheel '
             'to zoom. <button type="button">Other colors</button></figcaption>'
             f'<script type="application/json" id="cloud-{escape(item.name)}">{text}</script>'
