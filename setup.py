@@ -25,7 +25,7 @@ setup(
     maintainer='color_stereo_ros maintainers',
     maintainer_email='maintainers@color-stereo.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={'': ['**/*.yaml', '**/*.json', '**/*.png', '**/*.ply', '**/*.html']},
+    package_data={'': ['**/*.yaml', '**/*.json', '**/*.png', '**/*.ply', '**/*.html', '**/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -9,6 +9,8 @@ from color_stereo_ros.nodes import cloud_files, worker as worker_module
 from color_stereo_ros.nodes.calibration_watch import CalibrationWatch
 from color_stereo_ros.nodes.cloud_files import save_cloud
 from color_stereo_ros.nodes.complaints import Complaints
+from color_stereo_ros.nodes.environment import defaults, PROFILE
+from color_stereo_ros.nodes.outputs import Outputs
 from color_stereo_ros.nodes.parameters import RangeNodeSettings
 from color_stereo_ros.nodes.synchroniser import Pair
 from color_stereo_ros.nodes.worker import Setup, Worker
@@ -28,6 +30,33 @@ class Clock:
 
     def __call__(self):
         return self.now
+
+
+# ---- environment
+
+def test_the_environment_gets_transports_and_one_processor_a_thread(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = defaults({}, {0, 2, 3}, process=7)
+    assert found == {'RMW_FASTRTPS_PUBLICATION_MODE': 'ASYNCHRONOUS',
+                     'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILE),
+                     'OMP_PLACES': '{2},{3},{0}', 'OMP_PROC_BIND': 'true'}
+    assert PROFILE.is_file()
+
+
+@pytest.mark.parametrize('name, absent', [
+    ('FASTDDS_BUILTIN_TRANSPORTS', 'FASTRTPS_DEFAULT_PROFILES_FILE'),
+    ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE'),
+    ('RMW_FASTRTPS_PUBLICATION_MODE', 'RMW_FASTRTPS_PUBLICATION_MODE'),
+    ('OMP_PROC_BIND', 'OMP_PLACES'), ('GOMP_CPU_AFFINITY', 'OMP_PROC_BIND')])
+def test_what_the_user_sets_in_the_environment_stays(name, absent):
+    found = defaults({name: 'theirs'}, {0, 1}, process=1)
+    assert name not in found and absent not in found
+
+
+def test_a_profile_in_the_working_directory_stays_in_force(tmp_path, monkeypatch):
+    (tmp_path / 'DEFAULT_FASTRTPS_PROFILES.xml').write_text('<profiles/>')
+    monkeypatch.chdir(tmp_path)
+    assert 'FASTRTPS_DEFAULT_PROFILES_FILE' not in defaults({}, {0}, process=1)
 
 
 # ---- complaints
@@ -174,7 +203,7 @@ def work():
             failures.append(text)
             done.set()
 
-        worker = Worker(Setup(calibration(), settings), publish, fail, log)
+        worker = Worker(Setup(calibration(), settings), publish, fail, log, Outputs.prepare)
         workers.append(worker)
         worker.start()
         for each in pairs:
@@ -219,7 +248,7 @@ def test_a_failure_to_publish_is_contained_as_well(work):
 
 
 def test_a_worker_can_be_stopped_before_it_has_started(work):
-    worker = Worker(Setup(None, RangeNodeSettings()), print, print, Log())
+    worker = Worker(Setup(None, RangeNodeSettings()), print, print, Log(), print)
     worker.stop()
     assert worker.dropped == 0
 

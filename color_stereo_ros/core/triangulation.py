@@ -86,7 +86,7 @@ def points_from_depth(depth, geometry):
         m, rectified left camera, x right, y down, z forward; NaN = unknown.
 
     """
-    rays_x, rays_y = _rays(geometry)
+    rays_x, rays_y = rays(geometry)
     points = np.empty((*depth.shape, 3), np.float32)
     np.multiply(depth, rays_x, out=points[..., 0])
     np.multiply(depth, rays_y[:, None], out=points[..., 1])
@@ -95,7 +95,7 @@ def points_from_depth(depth, geometry):
 
 
 @lru_cache(maxsize=8)
-def _rays(geometry):
+def rays(geometry):
     """Return X/Z of every column and Y/Z of every row, float32."""
     rays_x = (np.arange(geometry.width) - geometry.center_x_left) / geometry.focal_x
     rays_y = (np.arange(geometry.height) - geometry.center_y) / geometry.focal_y

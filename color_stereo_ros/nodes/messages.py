@@ -13,7 +13,9 @@ from array import array
 import cv2
 import numpy as np
 
+from ..core.triangulation import rays
 from ..core.types import ImageError
+from ._cloud_kernels import fill_points
 
 _PLAIN = {'rgb8': (3, None), 'bgr8': (3, cv2.COLOR_BGR2RGB),
           'rgba8': (4, cv2.COLOR_RGBA2RGB), 'bgra8': (4, cv2.COLOR_BGRA2RGB)}
@@ -262,12 +264,10 @@ def _point_fields():
 
 def _fill_points(records, result, rotation):
     """Write x, y, z and the bits of the color into float32 (H, W, 4)."""
-    xyz = result.points()
+    fill_points(result.depth, result.image, *rays(result.geometry), records)
     if rotation is not None:
-        xyz = cv2.transform(xyz, rotation.astype(np.float32))
-    color = cv2.cvtColor(result.image, cv2.COLOR_RGB2BGRA).view(np.uint32)
-    color &= np.uint32(0x00FFFFFF)
-    cv2.mixChannels([xyz, color.view(np.float32)], [records], [0, 0, 1, 1, 2, 2, 3, 3])
+        points = np.ascontiguousarray(records[..., :3])
+        records[..., :3] = cv2.transform(points, rotation.astype(np.float32))
 
 
 def disparity_message(result, header, message=None):

@@ -8,6 +8,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
+from std_msgs.msg import Header
+
 from stereo_msgs.msg import DisparityImage
 
 from ..core.false_color import false_color
@@ -76,6 +78,11 @@ class Outputs:
         """Return the topics that have a subscriber, in the order of publication."""
         return [topic for topic, publisher in self._publishers.items()
                 if publisher.get_subscription_count()]
+
+    @staticmethod
+    def prepare(result):
+        """Compile or load what the messages of any result need."""
+        messages.cloud_message(result, Header())
 
     def publish(self, topics, result, header, settings, rotation):
         """

@@ -47,7 +47,8 @@ class RangeSensor:
         self.outputs = Outputs(node)
         self.pattern = PatternWatch(self.settings.pattern,
                                     lambda text: self._logger.warning(text))
-        self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger)
+        self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger,
+                             self.outputs.prepare)
         self.inputs = StereoInputs(node, parameters, self._take_pair, self._recalibrate)
         self._create_entities()
         self._jumps = node.get_clock().create_jump_callback(

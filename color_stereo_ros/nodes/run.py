@@ -7,6 +7,8 @@ import sys
 import threading
 import traceback
 
+from .environment import prepare
+
 _POLL = 0.1
 """s until a signal is noticed by an idle node."""
 
@@ -30,8 +32,7 @@ def run(make_node, args=None):
         0 after a clean end, 1 if the settings are refused.
 
     """
-    # Fast DDS sends a cloud in a thread of its own, while publish() would hold the interpreter
-    os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')
+    prepare()
     # rclpy's own handlers end the context while callbacks and threads still use it
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

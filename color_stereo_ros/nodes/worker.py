@@ -81,13 +81,16 @@ class Worker:
         Called with (pair, text) in the worker's thread when a pair gives no result.
     logger : object
         With the methods of an rclpy logger.
+    prepare : callable
+        Called once with a RangeResult, so that what publishing needs gets warm, too.
 
     """
 
-    def __init__(self, setup, publish, fail, logger):
+    def __init__(self, setup, publish, fail, logger, prepare):
         self._wanted = setup
         self._publish = publish
         self._fail = fail
+        self._prepare = prepare
         self._logger = logger
         self._complain = Complaints(lambda text: logger.error(text))
         self._built = None  # (key, ColorStereo)
@@ -147,7 +150,9 @@ class Worker:
         started = time.monotonic()
         self._logger.info('getting ready: loading the kernels')
         try:
-            ColorStereo(_any_calibration(), self._wanted.settings.core)
+            stereo = ColorStereo(_any_calibration(), self._wanted.settings.core)
+            black = np.zeros((*_WARM_UP_SIZE[::-1], 3), np.uint8)
+            self._prepare(stereo.process(black, black))
         except ColorStereoError:
             pass  # limits that do not fit this rig may fit the real one
         if self._slot.closed:
