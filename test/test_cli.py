@@ -102,7 +102,9 @@ def test_a_missing_file_is_named_and_ends_with_status_1(failing, capsys):
 def test_a_missing_extra_is_named_with_the_command_that_installs_it(failing, capsys, module,
                                                                      extra):
     assert failing(ModuleNotFoundError('no module', name=module)) == 1
-    assert f"pip install '.[{extra}]' in the folder of the sources" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert f"pip install '.[{extra}]' in the folder of the sources" in said
+    assert ('setup.bash' in said) == (extra == 'ros')
 
 
 def test_an_unknown_missing_module_is_a_bug_and_keeps_its_traceback(failing):

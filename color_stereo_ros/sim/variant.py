@@ -56,7 +56,7 @@ def load_mitsuba():
     except ImportError as error:
         raise SimulatorMissingError(
             f'the simulated rig needs Mitsuba 3 ({error}): install the extra [sim], '
-            "for example pip install 'color_stereo_ros[sim]'") from error
+            "pip install '.[sim]' in the folder of the sources") from error
     variant = os.environ.get('COLOR_STEREO_SIM_VARIANT') or (
         'llvm_ad_rgb' if llvm and _llvm_works(mitsuba) else 'scalar_rgb')
     mitsuba.set_variant(variant)

@@ -44,27 +44,8 @@ def main(argv=None):
         0 = done, 1 = it failed, 2 = wrong arguments or settings, 130 = interrupted.
 
     """
-    argv = sys.argv[1:] if argv is None else list(argv)
-    commands = find_commands()
-    parser = argparse.ArgumentParser(
-        prog='color_stereo', description='Range images from two color cameras and a projector.',
-        epilog='`color_stereo COMMAND --help` explains a command. Exit status: 0 = done; 1 = it '
-        'failed, for example because a file is missing or damaged; 2 = the command line or a settings file is wrong; 130 = interrupted.',
-        allow_abbrev=False)
-    parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
-    subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
-    chosen = next((word for word in argv if not word.startswith('-')), None)
     try:
-        for name, summary in commands.items():
-            subparser = subparsers.add_parser(name, help=summary, description=summary,
-                                              allow_abbrev=False)
-            if name == chosen:
-                from .arguments import Help
-                subparser.formatter_class = Help
-                module = importlib.import_module(f'{__package__}.{name}')
-                module.add_arguments(subparser)
-                subparser.set_defaults(run=module.run)
-        args = parser.parse_args(argv)
+        args = parsed(sys.argv[1:] if argv is None else list(argv))
         return args.run(args) or 0
     except KeyboardInterrupt:
         return _fail('interrupted', INTERRUPTED)
@@ -74,6 +55,36 @@ def main(argv=None):
         return 0
     except Exception as error:
         return _fail(*_explained(error))
+
+
+def parsed(argv):
+    """
+    Return the arguments of a command line; `run` among them is what runs it.
+
+    Raises
+    ------
+    SystemExit
+        With status 0 for `--help`, with 2 for wrong arguments; the text is printed.
+
+    """
+    parser = argparse.ArgumentParser(
+        prog='color_stereo', description='Range images from two color cameras and a projector.',
+        epilog='`color_stereo COMMAND --help` explains a command. Exit status: 0 = done; 1 = it '
+        'failed, for example because a file is missing or damaged; 2 = the command line or a settings file is wrong; 130 = interrupted.',
+        allow_abbrev=False)
+    parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
+    subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
+    chosen = next((word for word in argv if not word.startswith('-')), None)
+    for name, summary in find_commands().items():
+        subparser = subparsers.add_parser(name, help=summary, description=summary,
+                                          allow_abbrev=False)
+        if name == chosen:
+            from .arguments import Help
+            subparser.formatter_class = Help
+            module = importlib.import_module(f'{__package__}.{name}')
+            module.add_arguments(subparser)
+            subparser.set_defaults(run=module.run)
+    return parser.parse_args(argv)
 
 
 def find_commands(folder=None):
@@ -111,8 +122,11 @@ def _missing_extra(error):
     missing = (error.name or '').partition('.')[0]
     for extra, modules in EXTRAS.items():
         if missing in modules:
-            return (f'this command needs {missing!r}, which is not installed; it comes with the '
-                    f"extra [{extra}]: pip install '.[{extra}]' in the folder of the sources")
+            return (f'this command needs {missing!r}, which is not installed: '
+                    + ('source the setup.bash of ROS 2' if extra == 'ros'
+                       else f'pip install {missing.replace("drjit", "mitsuba")}')
+                    + f", or pip install '.[{extra}]' in the folder of the sources (README, "
+                    'Extras)')
     raise error
 
 
