@@ -55,9 +55,15 @@ def read_image_as_is(path, flags=cv2.IMREAD_UNCHANGED):
             image = None
     if image is None:
         raise ImageError(f'{path}: damaged, or no image of a known format')
-    if any(word in complaints[0].lower() for word in HALF_READ):
+    if _is_cut_off_jpeg(data) or any(word in complaints[0].lower() for word in HALF_READ):
         raise ImageError(f'{path}: damaged or only half written')
     return image
+
+
+def _is_cut_off_jpeg(data):
+    """Tell whether a JPEG has no end after its last scan: old versions of OpenCV do not."""
+    last_scan = data.rfind(b'\xff\xda')
+    return data.startswith(b'\xff\xd8') and data.find(b'\xff\xd9', max(last_scan, 0)) < 0
 
 
 @contextmanager
