@@ -52,21 +52,21 @@ def bilinear(image, y, x, fy, fx):
     return (1 - fy) * above + fy * below
 
 
-def sample_colors(box, index, frac_x, frac_y, dark, gain, soft):
-    """Return u, v, s, peak of the nodes; box is (H, W, 3)."""
+def sample_colors(box, index, frac_x, frac_y, dark, gain, soft, saturation, noise):
+    """Return u, v, s, peak and variance of the nodes; box is (H, W, 3)."""
     u, v, s, peak = np.zeros((4, *index.shape))
     for y, x in nodes_of(index.shape):
         if index[y, x] < 0:
             peak[y, x] = -1
             continue
-        row, column = divmod(index[y, x] // 3, box.shape[1])
+        row, column = divmod(index[y, x], box.shape[1])
         raw = bilinear(box, row, column, frac_y[y, x], frac_x[y, x]) / 4
         r, g, b = [max(c - d, 0) * k for c, d, k in zip(raw, dark, gain)]
         s[y, x] = r + g + b
         u[y, x] = (2 * r - g - b) / (s[y, x] + soft)
         v[y, x] = math.sqrt(3) * (g - b) / (s[y, x] + soft)
         peak[y, x] = max(raw)
-    return u, v, s, peak
+    return u, v, s, peak, color_variance(s, peak, saturation, *map(float, noise))
 
 
 def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, shape):

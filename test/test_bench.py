@@ -143,8 +143,8 @@ CACHE_CODE = '''
 import numpy as np
 import color_stereo_ros
 from color_stereo_ros.core import _surface_kernels as kernels
-image = np.zeros((4, 12), np.uint8)
-kernels.box_sums(image, np.empty((4, 12), np.uint16))
+pixels = np.zeros((4, 4), np.uint32)
+kernels.box_sums(pixels, np.empty((4, 4), np.uint32))
 stats = kernels.box_sums.stats
 print(color_stereo_ros.__file__, stats.cache_path, sum(stats.cache_hits.values()))
 '''

@@ -92,25 +92,33 @@ def test_bands_cover_everything_once():
 @pytest.mark.parametrize('height, width', [(5, 9), (2, 2), (16, 3)])
 def test_box_sums_are_exact(height, width):
     image = np.random.default_rng(1).integers(0, 256, (height, width, 3)).astype(np.uint8)
-    out = np.empty((height, width * 3), np.uint16)
-    kernels.box_sums(image.reshape(height, -1), out)
-    np.testing.assert_array_equal(out.reshape(image.shape), naive.box_sums(image))
+    out = np.empty((height, width), np.uint32)
+    pixels = np.concatenate([image, 255 - image[..., :1]], axis=-1).view(np.uint32)[..., 0]
+    kernels.box_sums(pixels, out)
+    unpacked = np.stack([out >> shift & 1023 for shift in (0, 10, 20)], axis=-1)
+    np.testing.assert_array_equal(unpacked, naive.box_sums(image))
 
 
-def test_colors_are_sampled_between_pixels():
+def test_colors_are_sampled_between_pixels_with_a_variance():
     rng = np.random.default_rng(2)
     height, width = 11, 14
-    box = rng.integers(0, 1020, (height, width, 3)).astype(np.uint16)
-    row, column = rng.integers(0, height - 1, (9, 12)), rng.integers(0, width - 1, (9, 12))
-    index = ((row * width + column) * 3).astype(np.int32)
+    box = rng.integers(0, 1021, (height, width, 3))
+    box[rng.random(box.shape[:2]) < 0.1] = 40   # black
+    box[rng.random(box.shape[:2]) < 0.1] = 1020
+    shape = 9, 2 * kernels.LENGTH + 3
+    row, column = rng.integers(0, height - 1, shape), rng.integers(0, width - 1, shape)
+    index = (row * width + column).astype(np.int32)
     index[rng.random(index.shape) < 0.2] = -1
     frac_x, frac_y = rng.random((2, *index.shape)).astype(F4)
     dark, gain = np.array([2, 30, 5], F4), np.array([1.2, 0.7, 1.0], F4)
-    out = np.full((4, *index.shape), 9, F4)
-    kernels.sample_colors(box.reshape(-1), index, frac_x, frac_y, 3 * width, dark, gain,
-                          surface.SOFT, *out)
-    expected = naive.sample_colors(box, index, frac_x, frac_y, dark, gain, float(surface.SOFT))
+    packed = (box << (0, 10, 20)).sum(axis=-1).astype(np.uint32)
+    out = np.full((5, *index.shape), 9, F4)
+    kernels.sample_colors(packed.reshape(-1), index, frac_x, frac_y, np.uint32(width), dark, gain,
+                          surface.SOFT, F4(230), surface.NOISE, *out)
+    expected = naive.sample_colors(box, index, frac_x, frac_y, dark, gain, float(surface.SOFT),
+                                   230, surface.NOISE)
     np.testing.assert_allclose(out, np.stack(expected), rtol=1e-4, atol=1e-4)
+    assert (out[4] < kernels.FLAT).any() and (out[4][index >= 0] == kernels.FLAT).any()
 
 
 @pytest.mark.parametrize('step_x, step_y, left', [(2, 2, PAD), (4, 2, 0)])
@@ -129,17 +137,6 @@ def test_coarse_colors_are_means_weighted_by_brightness(step_x, step_y, left):
     for channel in (0, 1, 3):  # whole units, rounded towards zero
         np.testing.assert_allclose(out[channel], np.trunc(expected[channel]), atol=1)
         assert np.mean(out[channel] == np.trunc(expected[channel])) > 0.99
-
-
-def test_color_variance_knows_what_says_nothing():
-    rng = np.random.default_rng(4)
-    s = rng.choice([0, 0.5, 3, 40, 300], SHAPE).astype(F4)
-    peak = rng.choice([-1, 10, 253, 255], SHAPE).astype(F4)
-    out = np.empty(SHAPE, F4)
-    kernels.color_variance(s, peak, F4(253), *surface.NOISE, out)
-    expected = naive.color_variance(s, peak, 253, *map(float, surface.NOISE))
-    np.testing.assert_allclose(out, expected, rtol=1e-5)
-    assert (out[(peak < 0) | (peak >= 253) | (s == 0)] == kernels.FLAT).all()
 
 
 def coarse_pair(seed, rows=5, columns=9):

@@ -20,12 +20,14 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from ._stack_kernels import stack_row
+from ._stack_kernels import LENGTH, stack_row
 from .types import Status
 
 FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
 F4 = np.float32
 I2 = np.int16
+I4 = np.int32
+U4 = np.uint32
 BANDS = 8  # chunks per parallel loop: fixed, so that results do not depend on threads
 PAD = 8  # unknown nodes around a half grid: window radius + halo, or propagation step + halo
 TILE_ROWS = 8
@@ -59,80 +61,99 @@ def band(k, count, size):
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def box_sums(raw, out):
+def box_sums(pixels, out):
     """
-    Sum 2 x 2 pixels of an interleaved uint8 image (H, W * 3) into uint16 (H, W * 3).
+    Sum 2 x 2 pixels into uint32 (H, W): red + green 2^10 + blue 2^20.
 
-    out[y, x] covers the pixels x, x + 1 of the rows y, y + 1; last row and column are repeated.
+    pixels, uint32 (H, W), hold red, green, blue and anything in ascending bytes. out[y, x] covers
+    the pixels x, x + 1 of the rows y, y + 1; last row and column are repeated. Four bytes add up
+    to ten bits, so that colors can be added, and gathered, as one number.
 
     """
-    height, width = raw.shape
+    height, width = out.shape
     for k in prange(BANDS):
         first, last = band(k, BANDS, height)
         for y in range(first, last):
-            above = raw[y]
-            below = raw[min(y + 1, height - 1)]
+            above = pixels[y]
+            below = pixels[min(y + 1, height - 1)]
             row = out[y]
-            for i in range(width - 3):
-                row[i] = (np.uint16(above[i]) + np.uint16(below[i])
-                          + np.uint16(above[i + 3]) + np.uint16(below[i + 3]))
-            for i in range(width - 3, width):
-                row[i] = 2 * (np.uint16(above[i]) + np.uint16(below[i]))
+            for x in range(width):
+                a, b = above[x], below[x]
+                red = U4((a & U4(0xff)) + (b & U4(0xff)))
+                green = U4((a & U4(0xff00)) + (b & U4(0xff00)))
+                blue = U4((a & U4(0xff0000)) + (b & U4(0xff0000)))
+                row[x] = red | U4(green << U4(2)) | U4(blue << U4(4))
+            for x in range(width - 1):
+                row[x] = U4(row[x] + row[x + 1])
+            row[width - 1] = U4(row[width - 1] + row[width - 1])
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def sample_colors(box, index, frac_x, frac_y, stride, dark, gain, soft, u, v, s, peak):
+def sample_colors(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v, s,
+                  peak, variance):
     """
     Rectify: sample box sums bilinearly at mapped positions and turn them into chromaticity.
 
-    box is uint16 flat with `stride` entries a row; index int32 (h, w) names the first of the
+    box is uint32 flat with `stride` entries a row, see `box_sums`; index int32 (h, w) names the
     upper left neighbor, -1 = outside. Writes u = (2 r - g - b) / (s + soft),
-    v = sqrt(3) (g - b) / (s + soft), s = r + g + b (DN, dark level subtracted, gains applied)
-    and peak, the brightest raw channel (DN); u = v = s = 0, peak = -1 outside.
+    v = sqrt(3) (g - b) / (s + soft), s = r + g + b (DN, dark level subtracted, gains applied),
+    peak, the brightest raw channel (DN), and the variance of each chromaticity,
+    (floor + shot s + relative s^2) / s^2 with noise = (floor, shot, relative), FLAT where a color
+    says nothing: outside, from the peak `saturation` on, or black. Outside u = v = s = 0,
+    peak = -1.
 
     """
     rows, columns = index.shape
     dark_r, dark_g, dark_b = dark[0], dark[1], dark[2]
     gain_r, gain_g, gain_b = gain[0], gain[1], gain[2]
-    root3 = F4(math.sqrt(3.0))
-    quarter = F4(0.25)
-    zero = F4(0)
+    floor, shot, relative = noise
+    root3, one, zero = F4(math.sqrt(3.0)), F4(1), F4(0)
+    quarter, ten_bits = F4(0.25), U4(1023)
     for k in prange(BANDS):
         first, last = band(k, BANDS, rows)
+        us, vs, totals = stack_row(), stack_row(), stack_row()
+        peaks, spreads = stack_row(), stack_row()
         for y in range(first, last):
-            for x in range(columns):
-                at = index[y, x]
-                if at < 0:
-                    u[y, x] = zero
-                    v[y, x] = zero
-                    s[y, x] = zero
-                    peak[y, x] = F4(-1)
-                    continue
-                p = np.uint32(at)
-                q = np.uint32(at + stride)
-                fx = frac_x[y, x]
-                fy = frac_y[y, x] * quarter
-                gx = F4(1) - fx
-                gy = quarter - fy
-                w00 = gx * gy
-                w01 = fx * gy
-                w10 = gx * fy
-                w11 = fx * fy
-                r = (w00 * F4(box[p]) + w01 * F4(box[p + np.uint32(3)])
-                     + w10 * F4(box[q]) + w11 * F4(box[q + np.uint32(3)]))
-                g = (w00 * F4(box[p + np.uint32(1)]) + w01 * F4(box[p + np.uint32(4)])
-                     + w10 * F4(box[q + np.uint32(1)]) + w11 * F4(box[q + np.uint32(4)]))
-                b = (w00 * F4(box[p + np.uint32(2)]) + w01 * F4(box[p + np.uint32(5)])
-                     + w10 * F4(box[q + np.uint32(2)]) + w11 * F4(box[q + np.uint32(5)]))
-                peak[y, x] = max(r, max(g, b))
-                r = max(r - dark_r, zero) * gain_r
-                g = max(g - dark_g, zero) * gain_g
-                b = max(b - dark_b, zero) * gain_b
-                total = r + g + b
-                scale = F4(1) / (total + soft)
-                u[y, x] = (r + r - g - b) * scale
-                v[y, x] = (g - b) * (scale * root3)
-                s[y, x] = total
+            for start in range(0, columns, LENGTH):
+                stop = min(start + LENGTH, columns)
+                places = index[y, start:stop]
+                row_x, row_y = frac_x[y, start:stop], frac_y[y, start:stop]
+                for x in range(stop - start):
+                    outside = places[x] < 0
+                    p = U4(0 if outside else places[x])
+                    q = U4(p + stride)
+                    c00, c01, c10, c11 = box[p], box[U4(p + U4(1))], box[q], box[U4(q + U4(1))]
+                    fx, fy = row_x[x], row_y[x] * quarter
+                    gx, gy = one - fx, quarter - fy
+                    w00, w01, w10, w11 = gx * gy, fx * gy, gx * fy, fx * fy
+                    r = (w00 * F4(I4(c00 & ten_bits)) + w01 * F4(I4(c01 & ten_bits))
+                         + w10 * F4(I4(c10 & ten_bits)) + w11 * F4(I4(c11 & ten_bits)))
+                    g = (w00 * F4(I4((c00 >> U4(10)) & ten_bits))
+                         + w01 * F4(I4((c01 >> U4(10)) & ten_bits))
+                         + w10 * F4(I4((c10 >> U4(10)) & ten_bits))
+                         + w11 * F4(I4((c11 >> U4(10)) & ten_bits)))
+                    b = (w00 * F4(I4(c00 >> U4(20))) + w01 * F4(I4(c01 >> U4(20)))
+                         + w10 * F4(I4(c10 >> U4(20))) + w11 * F4(I4(c11 >> U4(20))))
+                    highest = max(r, max(g, b))
+                    r = max(r - dark_r, zero) * gain_r
+                    g = max(g - dark_g, zero) * gain_g
+                    b = max(b - dark_b, zero) * gain_b
+                    total = r + g + b
+                    scale = one / (total + soft)
+                    inverse = one / max(total, F4(1e-3))
+                    spread = relative + inverse * (shot + floor * inverse)
+                    silent = outside | (highest >= saturation) | (spread > FLAT)
+                    us[x] = zero if outside else (r + r - g - b) * scale
+                    vs[x] = zero if outside else (g - b) * (scale * root3)
+                    totals[x] = zero if outside else total
+                    peaks[x] = -one if outside else highest
+                    spreads[x] = FLAT if silent else spread
+                for x in range(stop - start):
+                    u[y, start + x] = us[x]
+                    v[y, start + x] = vs[x]
+                    s[y, start + x] = totals[x]
+                    peak[y, start + x] = peaks[x]
+                    variance[y, start + x] = spreads[x]
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
@@ -409,25 +430,6 @@ def smaller_step(before, here, after):
     if math.isnan(backward):
         return F4(0)
     return backward if abs(backward) < abs(forward) else forward
-
-
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def color_variance(s, peak, saturation, floor, shot, relative, out):
-    """
-    Write the variance of each chromaticity: (floor + shot s + relative s^2) / s^2.
-
-    FLAT where a color says nothing: outside the image, overexposed, or black.
-
-    """
-    rows, columns = s.shape
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, rows)
-        for y in range(first, last):
-            for x in range(columns):
-                inverse = F4(1) / max(s[y, x], F4(1e-3))
-                value = relative + inverse * (shot + floor * inverse)
-                bad = (peak[y, x] < 0) | (peak[y, x] >= saturation) | (value > FLAT)
-                out[y, x] = FLAT if bad else value
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)

@@ -319,7 +319,8 @@ class View:
     def __init__(self, camera, rows, columns, step_x, shape, rectified):
         """Build the map; see `half_grid_index` for the arguments."""
         self.index = half_grid_index(camera, rows, columns, step_x, shape, rectified)
-        self.box = np.empty((camera.height, camera.width * 3), np.uint16)
+        self.pixels = np.empty((camera.height, camera.width, 4), np.uint8)
+        self.box = np.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
         self.u, self.v, self.s, self.peak, self.variance = np.zeros((5, *shape), F4)
 
@@ -331,12 +332,12 @@ class View:
         slow patterns are averaged.
 
         """
-        kernels.box_sums(image.reshape(image.shape[0], -1), self.box)
+        cv2.cvtColor(image, cv2.COLOR_RGB2RGBA, dst=self.pixels)  # four bytes are one number
+        kernels.box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
         gain = gains_of(mean) if color.equalize else np.ones(3, F4)
-        kernels.sample_colors(self.box.reshape(-1), *self.index, self.box.shape[1], dark, gain,
-                              SOFT, self.u, self.v, self.s, self.peak)
-        kernels.color_variance(self.s, self.peak, F4(color.saturation_level - 1), *NOISE,
-                               self.variance)
+        kernels.sample_colors(self.box.reshape(-1), *self.index, np.uint32(self.box.shape[1]),
+                              dark, gain, SOFT, F4(color.saturation_level - 1), NOISE, self.u,
+                              self.v, self.s, self.peak, self.variance)
         if blur:
             size = (1 + 2 * blur * self.columns_per_node, 1 + 2 * blur)
             for plane in (self.u, self.v):
@@ -512,7 +513,7 @@ def half_grid_index(camera, rows, columns, step_x, shape, rectified):
     Returns
     -------
     index : numpy.ndarray, int32, framed
-        First entry of the upper left neighbor in the interleaved box sums; -1 = outside.
+        Upper left neighbor in the flat box sums; -1 = outside.
     frac_x, frac_y : numpy.ndarray, float32, framed
         Position between the neighbors, 0..1.
 
@@ -531,7 +532,7 @@ def half_grid_index(camera, rows, columns, step_x, shape, rectified):
     area = np.s_[kernels.PAD:kernels.PAD + rows, first:first + columns]
     index = np.full(shape, -1, np.int32)
     frac_x, frac_y = np.zeros((2, *shape), F4)
-    index[area] = np.where(inside, (top * camera.width + left) * 3, -1)
+    index[area] = np.where(inside, top * camera.width + left, -1)
     frac_x[area], frac_y[area] = x - left, y - top
     return index, frac_x, frac_y
 
