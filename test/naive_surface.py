@@ -323,7 +323,24 @@ def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step):
     return out
 
 
-def judge(planes, cost, misfit, variance, color_variances, rows, columns, model):
+def imbalance(left, right):
+    """Return the difference over the sum of two brightnesses."""
+    return (left - right) / (left + right + 2 * float(kernels.MURK))
+
+
+def brightness_balance(d, misfit, left_s, right_s, step, worst, shape):
+    """Return the imbalance and the weight of every step-th node."""
+    balance, weight = np.zeros((2, *shape))
+    for row, column in nodes_of(shape):
+        y, x = PAD + row * step + step // 2, column * step + step // 2
+        place = 2 * x - d[y, x + PAD]
+        if misfit[y, x + PAD] < worst and 0 <= place < right_s.shape[1] - 1:
+            balance[row, column] = imbalance(left_s[y, x + PAD], right_s[y, int(place)])
+            weight[row, column] = 1
+    return balance, weight
+
+
+def judge(planes, cost, misfit, variance, left_s, right_s, balance, rows, columns, model):
     """Return evidence (rows, columns, 5) and trust (rows, columns)."""
     d, a, b = planes
     evidence, trust = np.zeros((rows, columns, 5)), np.zeros((rows, columns))
@@ -331,13 +348,16 @@ def judge(planes, cost, misfit, variance, color_variances, rows, columns, model)
         y, x = row + PAD, column + PAD
         steps = (d[y, x + 1] - d[y, x] - a[y, x], d[y, x - 1] - d[y, x] + a[y, x],
                  d[y + 1, x] - d[y, x] - b[y, x], d[y - 1, x] - d[y, x] + b[y, x])
+        place = 2 * column - d[y, x]
+        place = place if 0 <= place < right_s.shape[1] - 1 else 0
+        other = np.interp(place, np.arange(right_s.shape[1]), right_s[y])
         evidence[row, column] = np.sqrt([
             capped(cost[y, x]), np.mean([capped(misfit[y + j, x + i]) for j, i in WINDOW]),
             math.sqrt(min(variance[y, x], 1)),
             np.mean([abs(s) if abs(s) < 2 else 2.0 for s in steps]),
-            min(color_variances[y, x], FLAT)])
-        trust[row, column] = (model[0] + model[1:] @ evidence[row, column]
-                              if np.isfinite(d[y, x]) else kernels.UNKNOWN)
+            min(abs(imbalance(left_s[y, x], other) - balance[row, column]), 1)])
+        inputs = np.append(1, evidence[row, column])
+        trust[row, column] = inputs @ model @ inputs if np.isfinite(d[y, x]) else kernels.UNKNOWN
     return evidence, trust
 
 

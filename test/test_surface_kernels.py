@@ -342,6 +342,26 @@ def test_tiles_far_from_any_plane_stay_unknown():
     assert (out[3][INNER] == surface.TRUNCATION).all()
 
 
+def brightness(rng):
+    """Return random brightness of left and right, and a usual imbalance."""
+    return (rng.uniform(0, 300, SHAPE).astype(F4),
+            rng.uniform(0, 300, (SHAPE[0], WIDTH)).astype(F4),
+            rng.uniform(-0.3, 0.3, (ROWS, COLUMNS)).astype(F4))
+
+
+def test_brightness_is_compared_where_colors_match():
+    rng = np.random.default_rng(28)
+    left_s, right_s, _ = brightness(rng)
+    d = planes(28)[0]
+    misfit = rng.choice([1, 30, np.nan], SHAPE).astype(F4)
+    out = np.empty((2, ROWS // 4, COLUMNS // 4), F4)
+    kernels.brightness_balance(d, misfit, left_s, right_s, 4, surface.ROBUST, *out)
+    expected = naive.brightness_balance(d, misfit, left_s, right_s, 4, float(surface.ROBUST),
+                                        out[0].shape)
+    assert 0 < out[1].mean() < 1
+    np.testing.assert_allclose(out, expected, atol=1e-5)
+
+
 def judged(seed):
     """Return what the kernel and the twin say about random planes: evidence and trust."""
     rng = np.random.default_rng(seed)
@@ -349,12 +369,13 @@ def judged(seed):
     cost, misfit = rng.gamma(1, 8, (2, *SHAPE)).astype(F4)
     misfit[rng.random(SHAPE) < 0.1] = np.nan
     variance = rng.choice([1e-3, 0.1, 4, np.inf], SHAPE).astype(F4)
-    color_variance = rng.choice([0.01, 0.2, kernels.FLAT], SHAPE).astype(F4)
+    left_s, right_s, balance = brightness(rng)
     evidence, trust = np.empty((ROWS, COLUMNS, 5), F4), np.zeros(SHAPE, F4)
-    kernels.judge(*shape, cost, misfit, variance, color_variance, ROWS, COLUMNS, surface.MODEL,
-                  evidence, trust)
+    kernels.judge(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
+                  surface.MODEL, evidence, trust)
     expected = naive.judge(shape.astype(float), cost, misfit, variance.astype(float),
-                           color_variance, ROWS, COLUMNS, surface.MODEL.astype(float))
+                           left_s.astype(float), right_s.astype(float), balance, ROWS, COLUMNS,
+                           surface.MODEL.astype(float))
     return (evidence, trust[INNER]), expected
 
 

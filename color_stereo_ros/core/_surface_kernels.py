@@ -43,6 +43,7 @@ ISLAND = F4(-50)    # log-odds of a node in too small a segment
 UNKNOWN = F4(-100)  # log-odds of a node without disparity
 PITCH_DARK = F4(1)  # DN of summed channels: darker nodes get no range from their neighbors
 CEILING = F4(30)  # of a misfit that counts as evidence
+MURK = F4(3)      # DN of summed channels: below, brightness is mostly noise and scattered light
 VALID = np.uint8(Status.VALID)
 OUTSIDE_IMAGE = np.uint8(Status.OUTSIDE_IMAGE)
 DARK = np.uint8(Status.DARK)
@@ -909,25 +910,57 @@ def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, n
             bests[x] = lows[x]
 
 
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def brightness_balance(d, misfit, left_s, right_s, step, worst, balance, weight):
+    """
+    Compare the brightness of every step-th node with that of its place in the right image.
+
+    balance, float32 (h, w), takes (left - right) / (left + right), weight 1 where the misfit is
+    below `worst` and 0 elsewhere; balance is 0 there.
+
+    """
+    width = right_s.shape[1]
+    for row in range(balance.shape[0]):
+        y = PAD + row * step + step // 2
+        for column in range(balance.shape[1]):
+            x = column * step + step // 2
+            place = F4(2 * x) - d[y, x + PAD]
+            known = (misfit[y, x + PAD] < worst) & (place >= F4(0)) & (place < F4(width - 1))
+            at = np.int32(place if known else F4(0))
+            found = imbalance(left_s[y, x + PAD], right_s[y, at])
+            balance[row, column] = found if known else F4(0)
+            weight[row, column] = F4(1) if known else F4(0)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def imbalance(left, right):
+    """Return the difference of two brightnesses (DN) over their sum, steadied near black."""
+    return (left - right) / (left + right + F4(2) * MURK)
+
+
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def judge(d, a, b, cost, misfit, variance, color_variance_, rows, columns, model, evidence, trust):
+def judge(d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, columns, model,
+          evidence, trust):
     """
     Log-odds that a node is right within 1 px, from how well its plane fits.
 
     evidence, float32 (rows, columns, 5): square roots of the cost of the best shifted window,
     of the mean misfit of the 3 x 3 nodes, of the standard deviation (px), of the mean distance
-    of the four neighbors from the plane (px) and of the variance of the color; roots, since
-    logarithms are not vectorized. trust = model[0] + model[1:] . evidence, framed; UNKNOWN where
-    d is unknown.
+    of the four neighbors from the plane (px), and of how far the `imbalance` of left and right
+    brightness is from `balance`, float32 (rows, columns), that of the surroundings; roots, since
+    logarithms are not vectorized. With x = (1, evidence), trust = x . model x, framed; model is
+    float32 (6, 6), upper triangular. UNKNOWN where d is unknown.
 
     """
     ninth, quarter = F4(1.0 / 9.0), F4(0.25)
+    last_place = F4(right_s.shape[1] - 1)
     for k in prange(BANDS):
         first, last = band(k, BANDS, rows)
         e0, e1, e2, e3 = stack_row(), stack_row(), stack_row(), stack_row()
         e4, log_odds = stack_row(), stack_row()
         for row in range(first, last):
             y = row + PAD
+            bright = right_s[y]
             for start in range(0, columns, TILE_COLUMNS):
                 left, count = start + PAD, min(TILE_COLUMNS, columns - start)
                 right = left + count
@@ -938,7 +971,7 @@ def judge(d, a, b, cost, misfit, variance, color_variance_, rows, columns, model
                 chi1 = misfit[y, left - 1:right + 1]
                 chi2 = misfit[y + 1, left - 1:right + 1]
                 fit, spread = cost[y, left:right], variance[y, left:right]
-                color = color_variance_[y, left:right]
+                own_s, usual = left_s[y, left:right], balance[row, start:start + count]
                 for x in range(count):
                     total = F4(0)
                     for i in range(3):
@@ -948,14 +981,19 @@ def judge(d, a, b, cost, misfit, variance, color_variance_, rows, columns, model
                              + apartness(here[x] - center + lean_x[x])
                              + apartness(below[x] - center - lean_y[x])
                              + apartness(above[x] - center + lean_y[x]))
+                    place = F4(2 * (start + x)) - center
+                    place = place if (place >= F4(0)) & (place < last_place) else F4(0)
+                    at = np.int32(place)
+                    low, high = bright[np.uint32(at)], bright[np.uint32(at + 1)]
+                    other = low + (high - low) * (place - F4(at))
                     e0[x] = math.sqrt(capped(fit[x]))
                     e1[x] = math.sqrt(total * ninth)
                     e2[x] = math.sqrt(math.sqrt(min(spread[x], F4(1))))
                     e3[x] = math.sqrt(quarter * apart)
-                    e4[x] = math.sqrt(min(color[x], FLAT))
-                    odds = (model[0] + model[1] * e0[x] + model[2] * e1[x] + model[3] * e2[x]
-                            + model[4] * e3[x] + model[5] * e4[x])
-                    log_odds[x] = odds if center == center else UNKNOWN
+                    e4[x] = math.sqrt(min(abs(imbalance(own_s[x], other) - usual[x]), F4(1)))
+                    known = center == center
+                    odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
+                    log_odds[x] = odds if known else UNKNOWN
                 for x in range(count):
                     evidence[row, start + x, 0] = e0[x]
                     evidence[row, start + x, 1] = e1[x]
@@ -963,6 +1001,17 @@ def judge(d, a, b, cost, misfit, variance, color_variance_, rows, columns, model
                     evidence[row, start + x, 3] = e3[x]
                     evidence[row, start + x, 4] = e4[x]
                     trust[y, left + x] = log_odds[x]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def quadratic(m, a, b, c, d, e):
+    """Return x . m x of x = (1, a, b, c, d, e) and an upper triangular m."""
+    return (m[0, 0]
+            + a * (m[0, 1] + m[1, 1] * a + m[1, 2] * b + m[1, 3] * c + m[1, 4] * d + m[1, 5] * e)
+            + b * (m[0, 2] + m[2, 2] * b + m[2, 3] * c + m[2, 4] * d + m[2, 5] * e)
+            + c * (m[0, 3] + m[3, 3] * c + m[3, 4] * d + m[3, 5] * e)
+            + d * (m[0, 4] + m[4, 4] * d + m[4, 5] * e)
+            + e * (m[0, 5] + m[5, 5] * e))
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)

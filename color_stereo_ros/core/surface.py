@@ -45,10 +45,18 @@ SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right 
 COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
 VAGUE = 0.35        # px: standard deviation of a plane that is too uncertain to publish
 VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
-# Log-odds of being right within 1 px: constant, then the weights of the evidence that
+# Log-odds of being right within 1 px: a quadratic form of one and the evidence that
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
-MODEL = np.array([7.18, -0.92, -0.33, -2.95, -4.38, 1.2], F4)
-HIDDEN_ODDS = F4(-1.65)
+MODEL = np.array([
+    [13.04, -0.09, -1.25, -17.85, -9.44, -5.11],
+    [0, -0.03, -0.07, -0.83, -0.22, 0.56],
+    [0, 0, -0.07, 1.45, 1.35, 0.47],
+    [0, 0, 0, 10.45, -1.26, -0.31],
+    [0, 0, 0, 0, 2.64, 2.43],
+    [0, 0, 0, 0, 0, -4.91]], F4)
+HIDDEN_ODDS = F4(-1.01)
+BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
+BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
 THINNED = 2         # nodes between samples
 SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
 APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
@@ -95,8 +103,11 @@ class SurfaceMethod:
         self.spare = [plane.copy() for plane in self.planes]
         self.weight, self.moment, self.variance, self.cost = np.zeros((4, *shape), F4)
         self.trust, self.std, self.confidence = np.zeros((3, *shape), F4)
-        self.misfit = np.full(shape, np.nan, F4)
+        # seeds that nothing compares count as fitting, as their cost does
+        self.misfit = np.full(shape, np.nan if settings.matching.refinements else 1.0, F4)
         self.evidence = np.empty((*self.nodes, len(MODEL) - 1), F4)
+        self.balance = np.zeros((2, *(max(1, count // BALANCE_STEP) for count in self.nodes)),
+                                F4)
         self.hidden = np.zeros(shape, bool)
         self.owners = np.empty((kernels.BANDS, width), np.int32)
         self.status = np.zeros(shape, np.uint8)
@@ -261,8 +272,8 @@ class SurfaceMethod:
 
     def judge(self):
         """Find out how far each node can be trusted, and why some cannot."""
-        kernels.judge(*self.planes, self.cost, self.misfit, self.variance, self.left.variance,
-                      *self.nodes, MODEL, self.evidence, self.trust)
+        kernels.judge(*self.planes, self.cost, self.misfit, self.variance,
+                      self.left.s, self.right.s, self.usual_balance(), *self.nodes, MODEL, self.evidence, self.trust)
         if not self.blur:
             self.distrust_discord()
         least_nodes = self.settings.matching.min_segment // 4
@@ -278,6 +289,14 @@ class SurfaceMethod:
                        self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
                        F4(color.min_signal), HIDDEN_ODDS, log_odds(least), self.vague,
                        self.std, self.confidence, self.status)
+
+    def usual_balance(self):
+        """Return the brightness left against right around each node, float32 (rows, columns)."""
+        kernels.brightness_balance(self.planes[0], self.misfit, self.left.s, self.right.s,
+                                   BALANCE_STEP, ROBUST, *self.balance)
+        balance, weight = (cv2.blur(each, BALANCE_SURROUNDINGS) for each in self.balance)
+        return cv2.resize(balance / np.maximum(weight, F4(1e-3)), self.nodes[::-1],
+                          interpolation=cv2.INTER_LINEAR)
 
     def distrust_discord(self):
         """

@@ -9,6 +9,7 @@ SCENES = ('solids', 'prism', 'casting', 'nut', 'printed', 'thin', 'corner', 'bin
           'material_brushed_steel')
 DARKEST = 1.0   # DN of summed channels: darker nodes get no range anyway
 ROUNDS = 3      # the trust decides who hides whom, and that is evidence again
+FIRM = 1e-3     # per variance of a product: the form stays tame where no scene has been
 
 
 def add_arguments(parser):
@@ -26,9 +27,9 @@ def run(args):
     for _ in range(ROUNDS):
         evidence = [gathered(*scene) for scene in progress(scenes)]
         weights = logistic_fit(evidence)
-        surface.MODEL[:] = weights[:-1]
+        surface.MODEL[:] = quadratic_form(weights[:-1])
         surface.HIDDEN_ODDS = weights[-1].astype('float32')
-    print('MODEL =', [round(float(value), 2) for value in weights[:-1]])
+    print('MODEL =', quadratic_form(weights[:-1]).round(2).tolist())
     print('HIDDEN_ODDS =', round(float(weights[-1]), 2))
     for confidence in (0.5, 0.6, 0.7, 0.8, 0.9):
         print('min_confidence {:.1f}: density {:.4f}, wrong by more than 1 px {:.4f}, '
@@ -60,8 +61,8 @@ def gathered(stereo, rendering):
 
     Returns
     -------
-    evidence : numpy.ndarray, float64, shape (N, 7)
-        One, the evidence of `_surface_kernels.judge`, hidden.
+    evidence : numpy.ndarray, float64, shape (N, 22)
+        All products of one and the evidence of `_surface_kernels.judge`; hidden.
     right : numpy.ndarray, bool, shape (N,)
         Within 1 px of the truth, at a node that both cameras see and the projector lights.
     alone : numpy.ndarray, bool, shape (N,)
@@ -86,24 +87,48 @@ def gathered(stereo, rendering):
     judged = ((visible | alone) & (method.trust[area] > kernels.ISLAND)
               & (method.left.s[area] > DARKEST)
               & (d >= method.limits[0] - 0.5) & (d <= method.limits[1] + 0.5))
-    evidence = np.concatenate([np.ones((rows, columns, 1)), method.evidence,
-                               method.hidden[area][..., None]], axis=2)[judged]
+    evidence = np.concatenate([products(method.evidence[judged]),
+                               method.hidden[area][judged][:, None]], axis=1)
     return evidence, (visible & (error <= 1))[judged], alone[judged], np.count_nonzero(visible)
 
 
+def products(evidence):
+    """Return all products of two of one and the evidence (N, K), (N, (K + 1) (K + 2) / 2)."""
+    import numpy as np
+    inputs = np.concatenate([np.ones((len(evidence), 1)), evidence], axis=1)
+    return np.stack([inputs[:, i] * inputs[:, j]
+                     for i, j in zip(*np.triu_indices(inputs.shape[1]))], axis=1)
+
+
+def quadratic_form(weights):
+    """Return the upper triangular matrix of the weights of `products`."""
+    import numpy as np
+    size = int((2 * len(weights)) ** 0.5)
+    form = np.zeros((size, size))
+    form[np.triu_indices(size)] = weights
+    return form
+
+
 def logistic_fit(scenes):
-    """Return the weights, float64 (7,), of a logistic regression; each scene counts alike."""
+    """
+    Return the weights, float64 (22,), of a logistic regression; each scene counts alike.
+
+    Products of two pieces of evidence are held towards zero, see FIRM.
+
+    """
     import numpy as np
     inputs = np.concatenate([evidence for evidence, *_ in scenes])
     right = np.concatenate([right for _, right, *_ in scenes]).astype(float)
     share = np.concatenate([np.full(len(right), 1 / len(right) / len(scenes))
                             for _, right, *_ in scenes])
+    first, second = np.triu_indices(quadratic_form(np.zeros(inputs.shape[1] - 1)).shape[0])
+    hold = 2e-6 + FIRM * np.append((first > 0) & (second > 0), False) * inputs.var(axis=0)
     weights = np.zeros(inputs.shape[1])
     for _ in range(30):  # Newton's method
         probability = 1 / (1 + np.exp(-np.clip(inputs @ weights, -50, 50)))
-        gradient = inputs.T @ (share * (probability - right)) + 2e-6 * weights
+        gradient = inputs.T @ (share * (probability - right)) + hold * weights
         spread = share * probability * (1 - probability)
-        curvature = inputs.T @ (inputs * spread[:, None]) + 2e-6 * np.eye(len(weights))
+        curvature = inputs.T @ (inputs * spread[:, None]) + np.diag(hold)
         weights = weights - np.linalg.solve(curvature, gradient)
     return weights
 
