@@ -393,7 +393,7 @@ def test_islands_are_the_small_connected_segments(least_size):
     shape[0][INNER] += 4 * (rng.random((ROWS, COLUMNS)) < 0.2)
     trust = framed(rng.normal(0.5, 1, (ROWS, COLUMNS)))
     expected = naive.remove_islands(shape, trust, ROWS, COLUMNS, 1.0, least_size)
-    scratch = np.empty((2, ROWS * COLUMNS), np.int32)
+    scratch = np.empty((3, ROWS * COLUMNS), np.int32)
     kernels.remove_islands(*shape, trust, ROWS, COLUMNS, surface.CONTINUOUS, least_size, *scratch)
     assert surface.CONTINUOUS == 1.0
     np.testing.assert_array_equal(trust, expected)

@@ -172,23 +172,29 @@ def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, 
     count = F4(step_x * step_y)
     for k in prange(BANDS):
         first, last = band(k, BANDS, rows)
+        sums = np.empty((3, columns * step_x), F4)
+        sum_u, sum_v, sum_s = sums[0], sums[1], sums[2]
         for y in range(first, last):
+            sums[:] = F4(0)
+            for j in range(top + y * step_y, top + (y + 1) * step_y):
+                us, vs = u[j, left:left + sum_s.size], v[j, left:left + sum_s.size]
+                totals = s[j, left:left + sum_s.size]
+                for i in range(sum_s.size):
+                    weight = totals[i] + soft
+                    sum_u[i] += us[i] * weight
+                    sum_v[i] += vs[i] * weight
+                    sum_s[i] += totals[i]
             for x in range(columns):
-                sum_u = F4(0)
-                sum_v = F4(0)
-                sum_s = F4(0)
-                for j in range(top + y * step_y, top + (y + 1) * step_y):
-                    for i in range(left + x * step_x, left + (x + 1) * step_x):
-                        total = s[j, i]
-                        weight = total + soft
-                        sum_u += u[j, i] * weight
-                        sum_v += v[j, i] * weight
-                        sum_s += total
-                norm = scale / (sum_s + soft * count)
-                out_u[y, x] = I2(sum_u * norm)
-                out_v[y, x] = I2(sum_v * norm)
-                out_s[y, x] = sum_s / count
-                out_w[y, x] = I2(min(F4(16), F4(16) * sum_s / (knee * count)))
+                color_u, color_v, light = F4(0), F4(0), F4(0)
+                for i in range(x * step_x, (x + 1) * step_x):
+                    color_u += sum_u[i]
+                    color_v += sum_v[i]
+                    light += sum_s[i]
+                norm = scale / (light + soft * count)
+                out_u[y, x] = I2(color_u * norm)
+                out_v[y, x] = I2(color_v * norm)
+                out_s[y, x] = light / count
+                out_w[y, x] = I2(min(F4(16), F4(16) * light / (knee * count)))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -1036,39 +1042,67 @@ def root_of(parent, node):
     return node
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
-def remove_islands(d, a, b, trust, rows, columns, step, least_size, parent, size):
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, parent, size):
     """
     Distrust small segments: set trust to ISLAND where fewer than least_size nodes hang together.
 
     Two neighbors hang together if both have positive trust and one lies within `step` px of the
-    plane of the other. parent and size are int32 scratch (rows * columns).
+    plane of the other. Segments are found by runs: nodes of one row that hang together. run_of,
+    parent and size are int32 scratch (rows * columns).
 
     """
-    for y in range(rows):
+    runs = 0
+    links = stack_row()  # 1 trusted, + 2 hangs together with the left, + 4 with the upper node
+    for row in range(rows):
+        y = row + PAD
+        last_run, last_above = -1, -1
+        for start in range(0, columns, LENGTH):
+            count = min(LENGTH, columns - start)
+            left, right = start + PAD, start + PAD + count
+            here, before, above = d[y, left:right], d[y, left - 1:right - 1], d[y - 1, left:right]
+            lean, lean_before = a[y, left:right], a[y, left - 1:right - 1]
+            fall, fall_above = b[y, left:right], b[y - 1, left:right]
+            own, trust_before = trust[y, left:right], trust[y, left - 1:right - 1]
+            trust_above = trust[y - 1, left:right]
+            for x in range(count):
+                trusted = own[x] > 0
+                step_x, step_y = here[x] - before[x], here[x] - above[x]
+                with_left = trusted & (trust_before[x] > 0) & (
+                    (abs(step_x - lean_before[x]) < step) | (abs(step_x - lean[x]) < step))
+                with_upper = trusted & (trust_above[x] > 0) & (
+                    (abs(step_y - fall_above[x]) < step) | (abs(step_y - fall[x]) < step))
+                links[x] = ((F4(1) if trusted else F4(0)) + (F4(2) if with_left else F4(0))
+                            + (F4(4) if with_upper else F4(0)))
+            for x in range(count):
+                node = row * columns + start + x
+                link = np.int32(links[x])
+                if link == 0:
+                    run_of[node] = -1
+                    continue
+                if link & 2:
+                    run = run_of[node - 1]
+                    size[run] += 1
+                else:
+                    run = runs
+                    parent[run] = run
+                    size[run] = 1
+                    runs += 1
+                run_of[node] = run
+                if link & 4:
+                    upper = run_of[node - columns]
+                    if upper != last_above or run != last_run:
+                        last_run, last_above = run, upper
+                        parent[root_of(parent, run)] = root_of(parent, upper)
+    for run in range(runs):
+        root = root_of(parent, run)
+        if root != run:
+            size[root] += size[run]
+    for row in range(rows):
         for x in range(columns):
-            node = y * columns + x
-            parent[node] = node
-            size[node] = 0
-            v, u = y + PAD, x + PAD
-            if trust[v, u] > 0:
-                if x > 0 and trust[v, u - 1] > 0 and (
-                        abs(d[v, u] - d[v, u - 1] - a[v, u - 1]) < step
-                        or abs(d[v, u] - d[v, u - 1] - a[v, u]) < step):
-                    parent[node] = root_of(parent, node - 1)
-                if y > 0 and trust[v - 1, u] > 0 and (
-                        abs(d[v, u] - d[v - 1, u] - b[v - 1, u]) < step
-                        or abs(d[v, u] - d[v - 1, u] - b[v, u]) < step):
-                    above = root_of(parent, node - columns)
-                    if parent[node] != above:
-                        parent[root_of(parent, node)] = above
-    for node in range(rows * columns):
-        size[root_of(parent, node)] += 1
-    for y in range(rows):
-        for x in range(columns):
-            if (trust[y + PAD, x + PAD] > 0
-                    and size[root_of(parent, y * columns + x)] < least_size):
-                trust[y + PAD, x + PAD] = ISLAND
+            run = run_of[row * columns + x]
+            if run >= 0 and size[root_of(parent, run)] < least_size:
+                trust[row + PAD, x + PAD] = ISLAND
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
@@ -1134,42 +1168,65 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
     takes the codes of types.Status.
 
     """
+    too_vague = vague * vague
     for k in prange(BANDS):
         first, last = band(k, BANDS, rows)
-        for y in range(first + PAD, last + PAD):
-            for x in range(PAD, PAD + columns):
-                odds = trust[y, x] + (hidden_odds if hidden[y, x] else F4(0))
-                apart = evidence[y - PAD, x - PAD, 3]
-                apart = BENT * apart * apart
-                spread = math.sqrt(CORRELATED * variance[y, x] + apart * apart)
-                confidence[y, x] = F4(1) / (F4(1) + math.exp(-odds))
-                std[y, x] = spread
-                unsure = (odds < least_odds) | (variance[y, x] > vague * vague)
-                here = d[y, x]
-                if peak[y, x] < F4(0):
-                    code = OUTSIDE_IMAGE
-                elif unsure and peak[y, x] >= saturation:
-                    code = SATURATED
-                elif (s[y, x] < (dark if unsure else PITCH_DARK)
-                      and peak[y, x] < saturation):
-                    code = DARK
-                elif math.isnan(here):
-                    code = NO_MATCH
-                elif variance[y, x] > vague * vague:
-                    code = AMBIGUOUS
-                elif here < limits[0] or here > limits[1]:
-                    code = OUT_OF_RANGE
-                elif not unsure:
-                    code = VALID
-                elif hidden[y, x]:
-                    code = INCONSISTENT
-                elif spread > vague:
-                    code = AMBIGUOUS
-                elif cost[y, x] > F4(0.3) * CEILING:
-                    code = NO_MATCH
-                else:
-                    code = IMPLAUSIBLE
-                status[y, x] = code
+        spreads, certainties, codes = stack_row(), stack_row(), stack_row()
+        for row in range(first, last):
+            y = row + PAD
+            for start in range(0, columns, LENGTH):
+                count = min(LENGTH, columns - start)
+                left, right = start + PAD, start + PAD + count
+                dd, noise, fit = d[y, left:right], variance[y, left:right], cost[y, left:right]
+                trusts, behind = trust[y, left:right], hidden[y, left:right]
+                peaks, light = peak[y, left:right], s[y, left:right]
+                aparts = evidence[row, start:start + count, 3]
+                for x in range(count):
+                    is_hidden = behind[x] != 0
+                    odds = trusts[x] + (hidden_odds if is_hidden else F4(0))
+                    apart = BENT * aparts[x] * aparts[x]
+                    spread = math.sqrt(CORRELATED * noise[x] + apart * apart)
+                    vaguer = noise[x] > too_vague
+                    unsure = (odds < least_odds) | vaguer
+                    bright = peaks[x] >= saturation
+                    darkest = dark if unsure else PITCH_DARK
+                    # the first reason in the order of looking wins: it is asked for last
+                    code = NO_MATCH if fit[x] > F4(0.3) * CEILING else IMPLAUSIBLE
+                    code = AMBIGUOUS if spread > vague else code
+                    code = INCONSISTENT if is_hidden else code
+                    code = code if unsure else VALID
+                    code = OUT_OF_RANGE if (dd[x] < limits[0]) | (dd[x] > limits[1]) else code
+                    code = AMBIGUOUS if vaguer else code
+                    code = code if dd[x] == dd[x] else NO_MATCH
+                    code = DARK if (light[x] < darkest) & (not bright) else code
+                    code = SATURATED if unsure & bright else code
+                    code = OUTSIDE_IMAGE if peaks[x] < F4(0) else code
+                    spreads[x] = spread
+                    certainties[x] = logistic(odds)
+                    codes[x] = F4(code)
+                for x in range(count):
+                    std[y, left + x] = spreads[x]
+                    confidence[y, left + x] = certainties[x]
+                    status[y, left + x] = np.uint8(codes[x])
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def logistic(odds):
+    """
+    Return 1 / (1 + exp(-odds)), to 1e-5 of the smaller of probability and improbability.
+
+    exp(x) = exp(x / 32)^32 with a polynomial, since a call of the library is not vectorized.
+
+    """
+    x = min(max(-odds, F4(-16)), F4(16)) * F4(1 / 32)
+    power = F4(1) + x * (F4(1) + x * (F4(1 / 2) + x * (F4(1 / 6) + x * (
+        F4(1 / 24) + x * (F4(1 / 120) + x * F4(1 / 720))))))
+    power *= power
+    power *= power
+    power *= power
+    power *= power
+    power *= power
+    return F4(1) / (F4(1) + power)
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)

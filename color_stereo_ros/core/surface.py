@@ -111,7 +111,7 @@ class SurfaceMethod:
         self.hidden = np.zeros(shape, bool)
         self.owners = np.empty((kernels.BANDS, width), np.int32)
         self.status = np.zeros(shape, np.uint8)
-        self.segments = np.empty((2, rows * columns), np.int32)
+        self.segments = np.empty((3, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
 
     def measure(self, left, right, clock):
@@ -487,11 +487,11 @@ def noise_weight(image):
     has steeper gradients.
 
     """
-    rows = image[8::32].astype(np.int16)
+    rows = image[8::32]
     if rows.shape[0] == 0 or rows.shape[1] < 3:
         return NOISE_WEIGHTS[1]
-    near = np.abs(rows[:, 1:] - rows[:, :-1]).mean()
-    far = np.abs(rows[:, 2:] - rows[:, :-2]).mean()
+    near, far = (cv2.norm(rows[:, step:], rows[:, :-step], cv2.NORM_L1) / (rows.shape[1] - step)
+                 for step in (1, 2))
     low, high = INDEPENDENT
     share = np.clip((near / max(far, 1e-6) - low) / (high - low), 0, 1)
     return NOISE_WEIGHTS[0] + share * (NOISE_WEIGHTS[1] - NOISE_WEIGHTS[0])
