@@ -341,7 +341,7 @@ def brightness_balance(d, misfit, left_s, right_s, step, worst, shape):
 
 
 def judge(planes, cost, misfit, variance, left_s, right_s, balance, rows, columns, model):
-    """Return evidence (rows, columns, 5) and trust (rows, columns)."""
+    """Return evidence (5, rows, columns) and trust (rows, columns)."""
     d, a, b = planes
     evidence, trust = np.zeros((rows, columns, 5)), np.zeros((rows, columns))
     for row, column in nodes_of((rows, columns)):
@@ -358,7 +358,7 @@ def judge(planes, cost, misfit, variance, left_s, right_s, balance, rows, column
             min(abs(imbalance(left_s[y, x], other) - balance[row, column]), 1)])
         inputs = np.append(1, evidence[row, column])
         trust[row, column] = inputs @ model @ inputs if np.isfinite(d[y, x]) else kernels.UNKNOWN
-    return evidence, trust
+    return np.moveaxis(evidence, 2, 0), trust
 
 
 def remove_islands(planes, trust, rows, columns, step, least_size):
@@ -416,7 +416,7 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
     for row, column in nodes_of((rows, columns)):
         node = row + PAD, column + PAD
         odds = float(trust[node]) + (hidden_odds if hidden[node] else 0)
-        apart = kernels.BENT * evidence[row, column, 3] ** 2
+        apart = kernels.BENT * evidence[3, row, column] ** 2
         std[row, column] = math.sqrt(kernels.CORRELATED * variance[node] + apart ** 2)
         confidence[row, column] = 1 / (1 + math.exp(-odds))
         unsure = odds < least_odds or variance[node] > vague ** 2

@@ -370,7 +370,7 @@ def judged(seed):
     misfit[rng.random(SHAPE) < 0.1] = np.nan
     variance = rng.choice([1e-3, 0.1, 4, np.inf], SHAPE).astype(F4)
     left_s, right_s, balance = brightness(rng)
-    evidence, trust = np.empty((ROWS, COLUMNS, 5), F4), np.zeros(SHAPE, F4)
+    evidence, trust = np.empty((5, ROWS, COLUMNS), F4), np.zeros(SHAPE, F4)
     kernels.judge(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
                   surface.MODEL, evidence, trust)
     expected = naive.judge(shape.astype(float), cost, misfit, variance.astype(float),
@@ -393,7 +393,7 @@ def test_islands_are_the_small_connected_segments(least_size):
     shape[0][INNER] += 4 * (rng.random((ROWS, COLUMNS)) < 0.2)
     trust = framed(rng.normal(0.5, 1, (ROWS, COLUMNS)))
     expected = naive.remove_islands(shape, trust, ROWS, COLUMNS, 1.0, least_size)
-    scratch = np.empty((3, ROWS * COLUMNS), np.int32)
+    scratch = np.empty((4, ROWS * COLUMNS), np.int32)
     kernels.remove_islands(*shape, trust, ROWS, COLUMNS, surface.CONTINUOUS, least_size, *scratch)
     assert surface.CONTINUOUS == 1.0
     np.testing.assert_array_equal(trust, expected)
@@ -417,7 +417,7 @@ def test_every_reason_is_given_and_as_documented():
     rng = np.random.default_rng(26)
     d = framed(rng.choice([np.nan, -9, 0, 3, 8, 30], (ROWS, COLUMNS)))
     variance = rng.choice([1e-3, 0.2, np.inf], SHAPE).astype(F4)
-    evidence = rng.uniform(0, 1, (ROWS, COLUMNS, 5)).astype(F4)
+    evidence = rng.uniform(0, 1, (5, ROWS, COLUMNS)).astype(F4)
     cost = rng.choice([1, 0.9 * kernels.CEILING], SHAPE).astype(F4)
     trust = rng.choice([-4, 0, 1.5, 4], SHAPE).astype(F4)
     hidden = rng.random(SHAPE) < 0.3

@@ -950,7 +950,7 @@ def judge(d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, colum
     """
     Log-odds that a node is right within 1 px, from how well its plane fits.
 
-    evidence, float32 (rows, columns, 5): square roots of the cost of the best shifted window,
+    evidence, float32 (5, rows, columns): square roots of the cost of the best shifted window,
     of the mean misfit of the 3 x 3 nodes, of the standard deviation (px), of the mean distance
     of the four neighbors from the plane (px), and of how far the `imbalance` of left and right
     brightness is from `balance`, float32 (rows, columns), that of the surroundings; roots, since
@@ -1001,11 +1001,11 @@ def judge(d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, colum
                     odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
                     log_odds[x] = odds if known else UNKNOWN
                 for x in range(count):
-                    evidence[row, start + x, 0] = e0[x]
-                    evidence[row, start + x, 1] = e1[x]
-                    evidence[row, start + x, 2] = e2[x]
-                    evidence[row, start + x, 3] = e3[x]
-                    evidence[row, start + x, 4] = e4[x]
+                    evidence[0, row, start + x] = e0[x]
+                    evidence[1, row, start + x] = e1[x]
+                    evidence[2, row, start + x] = e2[x]
+                    evidence[3, row, start + x] = e3[x]
+                    evidence[4, row, start + x] = e4[x]
                     trust[y, left + x] = log_odds[x]
 
 
@@ -1043,13 +1043,14 @@ def root_of(parent, node):
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
-def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, parent, size):
+def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, first, parent,
+                   size):
     """
     Distrust small segments: set trust to ISLAND where fewer than least_size nodes hang together.
 
     Two neighbors hang together if both have positive trust and one lies within `step` px of the
     plane of the other. Segments are found by runs: nodes of one row that hang together. run_of,
-    parent and size are int32 scratch (rows * columns).
+    first, parent and size are int32 scratch (rows * columns).
 
     """
     runs = 0
@@ -1085,6 +1086,7 @@ def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, pare
                     size[run] += 1
                 else:
                     run = runs
+                    first[run] = node
                     parent[run] = run
                     size[run] = 1
                     runs += 1
@@ -1098,11 +1100,12 @@ def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, pare
         root = root_of(parent, run)
         if root != run:
             size[root] += size[run]
-    for row in range(rows):
-        for x in range(columns):
-            run = run_of[row * columns + x]
-            if run >= 0 and size[root_of(parent, run)] < least_size:
-                trust[row + PAD, x + PAD] = ISLAND
+    for run in range(runs):
+        if size[root_of(parent, run)] < least_size:
+            node = first[run]
+            while node < rows * columns and run_of[node] == run:
+                trust[node // columns + PAD, node % columns + PAD] = ISLAND
+                node += 1
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
@@ -1169,6 +1172,7 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
 
     """
     too_vague = vague * vague
+    lowest, highest = limits[0], limits[1]
     for k in prange(BANDS):
         first, last = band(k, BANDS, rows)
         spreads, certainties, codes = stack_row(), stack_row(), stack_row()
@@ -1180,7 +1184,7 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
                 dd, noise, fit = d[y, left:right], variance[y, left:right], cost[y, left:right]
                 trusts, behind = trust[y, left:right], hidden[y, left:right]
                 peaks, light = peak[y, left:right], s[y, left:right]
-                aparts = evidence[row, start:start + count, 3]
+                aparts = evidence[3, row, start:start + count]
                 for x in range(count):
                     is_hidden = behind[x] != 0
                     odds = trusts[x] + (hidden_odds if is_hidden else F4(0))
@@ -1195,7 +1199,7 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
                     code = AMBIGUOUS if spread > vague else code
                     code = INCONSISTENT if is_hidden else code
                     code = code if unsure else VALID
-                    code = OUT_OF_RANGE if (dd[x] < limits[0]) | (dd[x] > limits[1]) else code
+                    code = OUT_OF_RANGE if (dd[x] < lowest) | (dd[x] > highest) else code
                     code = AMBIGUOUS if vaguer else code
                     code = code if dd[x] == dd[x] else NO_MATCH
                     code = DARK if (light[x] < darkest) & (not bright) else code

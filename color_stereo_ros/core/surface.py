@@ -105,13 +105,13 @@ class SurfaceMethod:
         self.trust, self.std, self.confidence = np.zeros((3, *shape), F4)
         # seeds that nothing compares count as fitting, as their cost does
         self.misfit = np.full(shape, np.nan if settings.matching.refinements else 1.0, F4)
-        self.evidence = np.empty((*self.nodes, len(MODEL) - 1), F4)
+        self.evidence = np.empty((len(MODEL) - 1, *self.nodes), F4)
         self.balance = np.zeros((2, *(max(1, count // BALANCE_STEP) for count in self.nodes)),
                                 F4)
         self.hidden = np.zeros(shape, bool)
         self.owners = np.empty((kernels.BANDS, width), np.int32)
         self.status = np.zeros(shape, np.uint8)
-        self.segments = np.empty((3, rows * columns), np.int32)
+        self.segments = np.empty((4, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
 
     def measure(self, left, right, clock):
@@ -310,7 +310,7 @@ class SurfaceMethod:
         area = np.s_[kernels.PAD:kernels.PAD + rows, kernels.PAD:kernels.PAD + columns]
         thinned = np.s_[::THINNED, ::THINNED]  # a share needs no more samples
         known = (self.variance[area][thinned] < F4(0.25)).astype(F4)
-        apart = (self.evidence[:, :, 3][thinned] > APART) * known
+        apart = (self.evidence[3][thinned] > APART) * known
         share = (cv2.blur(apart, SURROUNDINGS) /
                  np.maximum(cv2.blur(known, SURROUNDINGS), F4(1e-3)))
         excess = np.maximum(share - DISCORD, F4(0))

@@ -87,7 +87,7 @@ def gathered(stereo, rendering):
     judged = ((visible | alone) & (method.trust[area] > kernels.ISLAND)
               & (method.left.s[area] > DARKEST)
               & (d >= method.limits[0] - 0.5) & (d <= method.limits[1] + 0.5))
-    evidence = np.concatenate([products(method.evidence[judged]),
+    evidence = np.concatenate([products(method.evidence[:, judged].T),
                                method.hidden[area][judged][:, None]], axis=1)
     return evidence, (visible & (error <= 1))[judged], alone[judged], np.count_nonzero(visible)
 
