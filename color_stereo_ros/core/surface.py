@@ -35,10 +35,10 @@ QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
 ROBUST = F4(9.0)    # misfit at which a node counts half
 RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
 STEEPEST = F4(6.0)  # px per node
-GATES = 3.0, 1.5, 0.75   # px from the plane of the center, per round: coarse seeds are rough
+GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
+STEADY = 2.0, 1.0, 0.5   # px between neighbors of one surface, likewise: seeds are rough
 STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(30.0)    # misfit beyond which a node says no more than that it does not fit
-INERTIA = F4(0.5)   # by how much another plane must fit better
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
 SMOOTH_MISFIT = F4(5.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
@@ -48,13 +48,13 @@ VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
 # Log-odds of being right within 1 px: a quadratic form of one and the evidence that
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([
-    [13.04, -0.09, -1.25, -17.85, -9.44, -5.11],
-    [0, -0.03, -0.07, -0.83, -0.22, 0.56],
-    [0, 0, -0.07, 1.45, 1.35, 0.47],
-    [0, 0, 0, 10.45, -1.26, -0.31],
-    [0, 0, 0, 0, 2.64, 2.43],
-    [0, 0, 0, 0, 0, -4.91]], F4)
-HIDDEN_ODDS = F4(-1.01)
+    [13.46, -0.64, -0.92, -18.02, -9.45, -5.75],
+    [0, -0.00, -0.08, -0.35, 0.09, 0.69],
+    [0, 0, -0.06, 0.95, 1.12, 0.36],
+    [0, 0, 0, 10.28, -0.01, 0.43],
+    [0, 0, 0, 0, 2.04, 2.92],
+    [0, 0, 0, 0, 0, -4.63]], F4)
+HIDDEN_ODDS = F4(-1.08)
 BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
 BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
 THINNED = 2         # nodes between samples
@@ -158,7 +158,7 @@ class SurfaceMethod:
         # colors and noise are known better after the first round: everything is fitted anew
         fitted = self.tiles if turn < 2 else tiles
         self.linearize(fitted)
-        self.fit_planes(fitted, GATES[min(turn, len(GATES) - 1)], 2 if turn == 0 else 1)
+        self.fit_planes(fitted, min(turn, len(GATES) - 1), 2 if turn == 0 else 1)
         clock.lap(f'fit {turn + 1}')
         self.linearize(tiles)
         if turn == 0:
@@ -199,18 +199,19 @@ class SurfaceMethod:
                           self.matrix, self.planes[0], tiles, ROBUST, self.scale, self.reference,
                           self.weight, self.moment, self.misfit)
 
-    def fit_planes(self, tiles, gate, stride):
+    def fit_planes(self, tiles, turn, stride):
         """
         Fit planes to the linearized nodes of some tiles.
 
-        gate: px from the plane of the center; stride: of the window rows near depth edges.
+        turn: which of GATES and STEADY hold; stride: of the window rows near depth edges.
 
         """
-        smooth = self.smooth(tiles, kernels.RADIUS, F4(0.67 * gate))
+        smooth = self.smooth(tiles, kernels.RADIUS, F4(STEADY[turn]))
         if len(tiles) < len(self.tiles):
             self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
-        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(gate), stride,
+        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(GATES[turn]),
+                           stride,
                            self.noise_weight, ridge, STEEPEST, self.reference, *self.spare,
                            self.variance)
         self.planes, self.spare = self.spare, self.planes
@@ -234,8 +235,8 @@ class SurfaceMethod:
         left, right = self.left, self.right
         for step in steps:
             kernels.propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                              self.matrix, self.scale, TRUNCATION, INERTIA, *self.planes, tiles,
-                              step, *self.spare, self.cost)
+                              self.matrix, self.scale, TRUNCATION, *self.planes, tiles, step,
+                              *self.spare, self.cost)
             self.planes, self.spare = self.spare, self.planes
         return tiles
 
