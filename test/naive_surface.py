@@ -303,7 +303,7 @@ def shifted_mean(misfits, y, x):
     return min(np.mean([misfits[y + j + v, x + i + u] for v, u in WINDOW]) for j, i in WINDOW)
 
 
-def propagate(left, right, matrix, scale, cap, planes, tiles, step):
+def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step):
     """Return d, a, b and cost, NaN outside the tiles."""
     out = np.full((4, *planes.shape[1:]), np.nan)
     for tile in tiles:
@@ -316,7 +316,7 @@ def propagate(left, right, matrix, scale, cap, planes, tiles, step):
                             for y, x in tile_nodes(tile, HALO)} for j, i in CROSS}
         for y, x in tile_nodes(tile):
             costs = {side: shifted_mean(misfits[side], y, x) for side in CROSS}
-            best = min(CROSS, key=lambda side: costs[side])
+            best = min(CROSS, key=lambda side: costs[side] - inertia * (side == (0, 0)))
             j, i = best[0] * step, best[1] * step
             d, a, b = planes[:, y + j, x + i]
             out[:, y, x] = d - a * i - b * j, a, b, costs[best]

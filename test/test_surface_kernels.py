@@ -323,10 +323,10 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles):
     left, right = views(20)
     shape = planes(21, unknown_share=0.15)
     out = unknown(4)
-    kernels.propagate(*left, *right, MATRIX, F4(1.3), surface.TRUNCATION, *shape, tiles,
-                      step, *out)
+    kernels.propagate(*left, *right, MATRIX, F4(1.3), surface.TRUNCATION, F4(0.5), *shape,
+                      tiles, step, *out)
     expected = naive.propagate(left.astype(float), right.astype(float), MATRIX.astype(float), 1.3,
-                               float(surface.TRUNCATION), shape, tiles, step)
+                               float(surface.TRUNCATION), 0.5, shape, tiles, step)
     np.testing.assert_allclose(out[3], expected[3], rtol=1e-3, atol=1e-3)
     same = np.isclose(out[:3], expected[:3], rtol=1e-4, atol=1e-4, equal_nan=True)
     assert same.mean() > 0.998  # two planes may fit equally well to float32 rounding
@@ -335,8 +335,8 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles):
 def test_tiles_far_from_any_plane_stay_unknown():
     left, right = views(22)
     out = np.zeros((4, *SHAPE), F4)
-    kernels.propagate(*left, *right, MATRIX, F4(1), surface.TRUNCATION, *unknown(3),
-                      TILES, 2, *out)
+    kernels.propagate(*left, *right, MATRIX, F4(1), surface.TRUNCATION, F4(0.5),
+                      *unknown(3), TILES, 2, *out)
     assert np.isnan(out[0][INNER]).all()
     assert (out[3][INNER] == surface.TRUNCATION).all()
 

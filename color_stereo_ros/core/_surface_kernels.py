@@ -841,14 +841,14 @@ def best_shifted_mean(misfit, mean, cost):
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap, d, a, b,
-              tiles, step, new_d, new_a, new_b, cost):
+def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap, inertia,
+              d, a, b, tiles, step, new_d, new_a, new_b, cost):
     """
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
 
-    A node takes the plane that fits best (see `best_shifted_mean`). Reads d, a, b, writes new_*
-    and cost in the tiles only. Tiles without any known plane in reach stay unknown, at a cost of
-    `cap`.
+    A node takes the plane that fits best (see `best_shifted_mean`); its own one is favored by
+    `inertia`. Reads d, a, b, writes new_* and cost in the tiles only. Tiles without any known
+    plane in reach stay unknown, at a cost of `cap`.
 
     """
     for k in prange(BANDS):
@@ -871,18 +871,19 @@ def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, sca
                 patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale,
                              cap, d, a, b, top, left, step_y, step_x, misfit)
                 best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
-                take_better(trial, d, a, b, top, left, step_y, step_x, candidate == 0,
+                take_better(trial, inertia, d, a, b, top, left, step_y, step_x, candidate == 0,
                             best, new_d, new_a, new_b, cost)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
-def take_better(trial, d, a, b, top, left, step_y, step_x, own, best, new_d, new_a,
+def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, new_d, new_a,
                 new_b, cost):
     """Write the plane of a candidate where its trial cost beats the best so far."""
     if own:
         copy_tile(d, a, b, top, left, new_d, new_a, new_b)
         for y in range(TILE_ROWS):
             cost[top + y, left:left + TILE_COLUMNS] = best[y]
+            best[y] -= inertia
         return
     lean_x, lean_y = F4(step_x), F4(step_y)
     best_d, best_a, best_b = stack_row(), stack_row(), stack_row()

@@ -36,9 +36,11 @@ ROBUST = F4(9.0)    # misfit at which a node counts half
 RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
 STEEPEST = F4(6.0)  # px per node
 GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
+GATES_SLOW = 3.0, 1.5, 0.75  # likewise under a pattern whose colors change slowly
 STEADY = 2.0, 1.0, 0.5   # px between neighbors of one surface, likewise: seeds are rough
 STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(30.0)    # misfit beyond which a node says no more than that it does not fit
+INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
 SMOOTH_MISFIT = F4(5.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
@@ -48,13 +50,14 @@ VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
 # Log-odds of being right within 1 px: a quadratic form of one and the evidence that
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([
-    [13.46, -0.64, -0.92, -18.02, -9.45, -5.75],
-    [0, -0.00, -0.08, -0.35, 0.09, 0.69],
-    [0, 0, -0.06, 0.95, 1.12, 0.36],
-    [0, 0, 0, 10.28, -0.01, 0.43],
-    [0, 0, 0, 0, 2.04, 2.92],
-    [0, 0, 0, 0, 0, -4.63]], F4)
-HIDDEN_ODDS = F4(-1.08)
+    [13.535, -0.673, -0.914, -18.477, -9.525, -5.312],
+    [0, 0.004, -0.082, -0.362, 0.144, 0.724],
+    [0, 0, -0.068, 0.932, 1.122, 0.334],
+    [0, 0, 0, 10.906, 0.079, -0.144],
+    [0, 0, 0, 0, 2.074, 2.670],
+    [0, 0, 0, 0, 0, -4.859]], F4)
+HIDDEN_ODDS = F4(-1.093)
+ODDS_SLOW = F4(0.5)  # slow colors: what is right within 1 px is less certain to a tenth of it
 BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
 BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
 THINNED = 2         # nodes between samples
@@ -95,6 +98,12 @@ class SurfaceMethod:
         prior = Prior.of(settings.pattern, width)
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
+        self.gates = np.array(GATES_SLOW if prior.blur else GATES, F4)
+        self.inertia = F4(INERTIA_SLOW if prior.blur else 0.0)
+        self.model = MODEL
+        if prior.blur:
+            self.model = MODEL.copy()
+            self.model[0, 0] += ODDS_SLOW
         self.coarse = CoarseSearch(self.nodes, width, limits,
                                    prior.smoothness * settings.matching.smoothness,
                                    prior.texture * settings.matching.texture)
@@ -203,16 +212,15 @@ class SurfaceMethod:
         """
         Fit planes to the linearized nodes of some tiles.
 
-        turn: which of GATES and STEADY hold; stride: of the window rows near depth edges.
+        turn: which of the gates and of STEADY hold; stride: of the window rows near depth edges.
 
         """
         smooth = self.smooth(tiles, kernels.RADIUS, F4(STEADY[turn]))
         if len(tiles) < len(self.tiles):
             self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
-        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, F4(GATES[turn]),
-                           stride,
-                           self.noise_weight, ridge, STEEPEST, self.reference, *self.spare,
+        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, self.gates[turn],
+                           stride, self.noise_weight, ridge, STEEPEST, self.reference, *self.spare,
                            self.variance)
         self.planes, self.spare = self.spare, self.planes
 
@@ -235,8 +243,8 @@ class SurfaceMethod:
         left, right = self.left, self.right
         for step in steps:
             kernels.propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                              self.matrix, self.scale, TRUNCATION, *self.planes, tiles, step,
-                              *self.spare, self.cost)
+                              self.matrix, self.scale, TRUNCATION, self.inertia, *self.planes,
+                              tiles, step, *self.spare, self.cost)
             self.planes, self.spare = self.spare, self.planes
         return tiles
 
@@ -273,8 +281,9 @@ class SurfaceMethod:
 
     def judge(self):
         """Find out how far each node can be trusted, and why some cannot."""
-        kernels.judge(*self.planes, self.cost, self.misfit, self.variance,
-                      self.left.s, self.right.s, self.usual_balance(), *self.nodes, MODEL, self.evidence, self.trust)
+        kernels.judge(*self.planes, self.cost, self.misfit, self.variance, self.left.s,
+                      self.right.s, self.usual_balance(), *self.nodes, self.model, self.evidence,
+                      self.trust)
         if not self.blur:
             self.distrust_discord()
         least_nodes = self.settings.matching.min_segment // 4

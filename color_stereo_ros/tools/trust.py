@@ -29,8 +29,8 @@ def run(args):
         weights = logistic_fit(evidence)
         surface.MODEL[:] = quadratic_form(weights[:-1])
         surface.HIDDEN_ODDS = weights[-1].astype('float32')
-    print('MODEL =', quadratic_form(weights[:-1]).round(2).tolist())
-    print('HIDDEN_ODDS =', round(float(weights[-1]), 2))
+    print('MODEL =', quadratic_form(weights[:-1]).round(3).tolist())
+    print('HIDDEN_ODDS =', round(float(weights[-1]), 3))
     for confidence in (0.5, 0.6, 0.7, 0.8, 0.9):
         print('min_confidence {:.1f}: density {:.4f}, wrong by more than 1 px {:.4f}, '
               'ranges where only the left camera sees {:.4f}'.format(
