@@ -3,6 +3,7 @@
 
 from array import array
 import dataclasses
+import struct
 
 from color_stereo_ros.core.types import ImageError, RangeResult, RectifiedGeometry, Status
 from color_stereo_ros.nodes import messages
@@ -10,6 +11,8 @@ from color_stereo_ros.nodes import messages
 import numpy as np
 
 import pytest
+
+from rclpy.serialization import serialize_message
 
 from sensor_msgs.msg import Image, PointField
 
@@ -293,3 +296,50 @@ def test_the_disparity_image_is_a_32fc1_image_with_the_same_header():
     msg = messages.disparity_message(known_result(), HEADER)
     assert (msg.image.encoding, msg.image.step, msg.image.header) == ('32FC1', 128, msg.header)
     assert (msg.f, msg.t) == (pytest.approx(40.0), pytest.approx(0.1))
+
+
+# ---- serialized images
+
+def serialized(**changes):
+    """Return the bytes of an image message and the message."""
+    msg = Image(header=Header(frame_id='left_camera'), height=3, width=5, encoding='rgb8', step=16,
+                data=bytes(range(48)))
+    msg.header.stamp.sec, msg.header.stamp.nanosec = 7, 9
+    for name, value in changes.items():
+        setattr(msg, name, value)
+    return serialize_message(msg), msg
+
+
+@pytest.mark.parametrize('frame', ['', 'a', 'four', 'left_camera_optical_frame', 'Kamera ä'])
+@pytest.mark.parametrize('encoding', ['rgb8', 'bayer_rggb8', ''])
+def test_a_serialized_image_is_read_as_rclpy_reads_it(frame, encoding):
+    data, msg = serialized(header=Header(frame_id=frame), encoding=encoding, is_bigendian=1)
+    image = messages.read_image(data)
+    assert image.header == msg.header
+    for name in ('height', 'width', 'encoding', 'is_bigendian', 'step'):
+        assert getattr(image, name) == getattr(msg, name)
+    assert bytes(image.data) == bytes(msg.data)
+
+
+def test_the_pixels_of_a_serialized_image_are_not_copied():
+    data, _ = serialized(step=15, data=bytes(range(45)))
+    pixels = messages.image_to_rgb(messages.read_image(data))
+    assert np.shares_memory(pixels, np.frombuffer(data, np.uint8))
+
+
+def test_a_serialized_image_of_the_other_byte_order_is_read():
+    text = b'rgb8\0'
+    data = (b'\0\0\0\0' + struct.pack('>iI', 7, 9) + struct.pack('>I', 2) + b'a\0' + b'\0\0'
+            + struct.pack('>II', 1, 1) + struct.pack('>I', 5) + text + b'\0' + b'\0\0'
+            + struct.pack('>II', 3, 3) + bytes([1, 2, 3]))
+    image = messages.read_image(data)
+    assert (image.header.stamp.sec, image.header.frame_id, image.step) == (7, 'a', 3)
+    assert bytes(image.data) == bytes([1, 2, 3])
+
+
+@pytest.mark.parametrize('length', [*range(2, 70, 3), 90])
+def test_a_serialized_image_that_ends_too_early_is_refused(length):
+    data, _ = serialized()
+    assert len(data) > 90
+    with pytest.raises(ImageError, match='damaged'):
+        messages.read_image(data[:length])

@@ -10,7 +10,8 @@ from sensor_msgs.msg import CameraInfo, Image
 from ..core.types import ImageError
 from .calibration_watch import CalibrationWatch
 from .complaints import Complaints
-from .messages import check_image, stamp_ns
+from .messages import check_image, read_image, stamp_ns
+from .qos import incompatible_policy
 from .synchroniser import SIDES, Synchronizer
 
 _DEPTH = 10
@@ -39,14 +40,11 @@ class FollowingSubscription:
         self._subscription = self._create(QoSOverridingOptions(policies))
 
     def _create(self, options=None):
+        # images are read from their bytes: rclpy's conversion holds the interpreter for 1 ms each
         return self._node.create_subscription(
-            self._kind, self._topic, self._callback, self._profile,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
+            self._kind, self._topic, self._callback, self._profile, raw=self._kind is Image,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=options)
-
-    def _on_incompatible(self, event):
-        policy = getattr(event.last_policy_kind, 'name', str(event.last_policy_kind))
-        self.mismatch = policy.lower()
 
     @property
     def reliability(self):
@@ -60,21 +58,19 @@ class FollowingSubscription:
 
     def follow(self):
         """Become what the publishers offer; call it from the executor's thread now and then."""
-        offered = {info.qos_profile.reliability
-                   for info in self._node.get_publishers_info_by_topic(self.name)}
-        if self.publishers <= self._subscription.get_publisher_count():
-            self.mismatch = None
-        if self._pinned or not offered:
-            return
+        profiles = [info.qos_profile
+                    for info in self._node.get_publishers_info_by_topic(self.name)]
+        offered = {profile.reliability for profile in profiles}
         best_effort = QoSReliabilityPolicy.BEST_EFFORT
         wanted = best_effort if best_effort in offered else QoSReliabilityPolicy.RELIABLE
-        if wanted != self._profile.reliability:
+        if offered and not self._pinned and wanted != self._profile.reliability:
             self._profile.reliability = wanted
             self._node.destroy_subscription(self._subscription)
             self._subscription = self._create()
-            self.mismatch = None
             self._node.get_logger().info(f'{self.name}: subscribed {self.reliability} as the '
                                          'publishers offer')
+        policies = (incompatible_policy(profile, self._profile) for profile in profiles)
+        self.mismatch = next(filter(None, policies), None)
 
     def destroy(self):
         """Unsubscribe."""
@@ -90,7 +86,7 @@ class StereoInputs:
     node : rclpy.node.Node
     parameters : NodeParameters
     on_pair : callable
-        Called with a `Pair` of Image messages.
+        Called with a `Pair` of `RawImage`.
     on_calibration : callable
         Called when `calibration` has changed for better or worse.
 
@@ -122,8 +118,9 @@ class StereoInputs:
         return FollowingSubscription(self._node, kind, topic, lambda msg: take(side, msg),
                                      parameters)
 
-    def _take_image(self, side, msg):
+    def _take_image(self, side, data):
         try:
+            msg = read_image(data)
             check_image(msg)
         except ImageError as error:
             self.refused[side] += 1

@@ -9,6 +9,8 @@ given: its byte array is reused while the size stays the same, and `publish` cop
 """
 
 from array import array
+from dataclasses import dataclass
+import struct
 
 import cv2
 import numpy as np
@@ -88,6 +90,78 @@ def check_image(msg):
         raise ImageError(f'{msg.width} x {msg.height} px is too small for {msg.encoding}, '
                          f'expected at least {_MIN_BAYER_SIZE} x {_MIN_BAYER_SIZE} px')
     return pixels
+
+
+@dataclass(frozen=True, eq=False)
+class RawImage:
+    """A sensor_msgs/Image whose pixels still lie in the bytes that came."""
+
+    header: object
+    """std_msgs.msg.Header."""
+    height: int
+    width: int
+    encoding: str
+    is_bigendian: int
+    step: int
+    data: memoryview
+
+
+_CDR_BYTE_ORDERS = {b'\x00\x00': '>', b'\x00\x01': '<'}
+
+
+def read_image(data):
+    """
+    Read a serialized sensor_msgs/Image without copying its pixels.
+
+    Parameters
+    ----------
+    data : bytes
+        CDR, as a raw subscription gets it. What another middleware may send is given to rclpy.
+
+    Returns
+    -------
+    image : RawImage or sensor_msgs.msg.Image
+
+    Raises
+    ------
+    ImageError
+        If the bytes are no image.
+
+    """
+    order = _CDR_BYTE_ORDERS.get(data[:2])
+    if order is None:
+        from rclpy.serialization import deserialize_message
+        from sensor_msgs.msg import Image
+        return deserialize_message(data, Image)
+    try:
+        return _read_cdr_image(data, order)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise ImageError(f'the message is damaged: {error}') from error
+
+
+def _read_cdr_image(data, order):
+    """Return the RawImage in CDR bytes; numbers are aligned to their size after the first four."""
+    from std_msgs.msg import Header
+    header = Header()
+    header.stamp.sec, header.stamp.nanosec = struct.unpack_from(f'{order}iI', data, 4)
+    header.frame_id, at = _read_cdr_text(data, 12, order)
+    at += -at % 4
+    height, width = struct.unpack_from(f'{order}II', data, at)
+    encoding, at = _read_cdr_text(data, at + 8, order)
+    is_bigendian = data[at] if at < len(data) else 0
+    at += 1
+    at += -at % 4
+    step, size = struct.unpack_from(f'{order}II', data, at)
+    if at + 8 + size > len(data):
+        raise struct.error(f'{size} bytes of pixels are announced, {len(data) - at - 8} came')
+    return RawImage(header, height, width, encoding, is_bigendian, step,
+                    memoryview(data)[at + 8:at + 8 + size])
+
+
+def _read_cdr_text(data, at, order):
+    """Return a text and the place behind it."""
+    length, = struct.unpack_from(f'{order}I', data, at)
+    return bytes(data[at + 4:at + 4 + length]).rstrip(b'\x00').decode(), at + 4 + length
 
 
 def _bayer_name(encoding):

@@ -14,6 +14,7 @@ from stereo_msgs.msg import DisparityImage
 
 from ..core.false_color import false_color
 from . import messages
+from .qos import incompatible_policy
 
 _DEPTH = 4
 
@@ -52,22 +53,22 @@ class Outputs:
         self._reused = {topic: kind() for topic, (kind, _) in TOPICS.items()}
 
     def _create(self, topic, kind):
-        def note_mismatch(event):
-            policy = event.last_policy_kind
-            self.mismatches[topic] = getattr(policy, 'name', str(policy)).lower()
-
         return self._node.create_publisher(
             kind, topic, QoSProfile(depth=_DEPTH),
-            event_callbacks=PublisherEventCallbacks(incompatible_qos=note_mismatch),
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
-    def forget_mismatches(self):
-        """Forget the subscribers with incompatible QoS that have left."""
-        for topic in list(self.mismatches):
-            publisher = self._publishers[topic]
-            if self._node.count_subscribers(publisher.topic_name) <= (
-                    publisher.get_subscription_count()):
-                del self.mismatches[topic]
+    def look_for_mismatches(self):
+        """Find the subscribers that get nothing; call it now and then."""
+        self.mismatches = {}
+        for topic, publisher in self._publishers.items():
+            name = publisher.topic_name
+            if self._node.count_subscribers(name) > publisher.get_subscription_count():
+                policies = (incompatible_policy(publisher.qos_profile, info.qos_profile)
+                            for info in self._node.get_subscriptions_info_by_topic(name))
+                policy = next(filter(None, policies), None)
+                if policy:
+                    self.mismatches[topic] = policy
 
     @property
     def names(self):

@@ -4,6 +4,7 @@
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 
 from std_msgs.msg import Header, String
@@ -62,11 +63,14 @@ class RangeSensor:
     def _create_entities(self):
         """Create timers and the topics beside inputs and outputs."""
         node, steady = self._node, Clock(clock_type=ClockType.STEADY_TIME)
-        self._acquired = node.create_publisher(Header, '~/acquired', QoSProfile(depth=1))
+        no_events = PublisherEventCallbacks(use_default_callbacks=False)  # see `nodes.qos`
+        self._acquired = node.create_publisher(Header, '~/acquired', QoSProfile(depth=1),
+                                               event_callbacks=no_events)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics',
-                                                  QoSProfile(depth=1))
+                                                  QoSProfile(depth=1), event_callbacks=no_events)
         self._pattern_info = node.create_subscription(
-            String, 'pattern/info', lambda msg: self.pattern.take(msg.data), latched())
+            String, 'pattern/info', lambda msg: self.pattern.take(msg.data), latched(),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
         self._look_after_timer = node.create_timer(_LOOK_AFTER_PERIOD, self._look_after,
                                                    clock=steady)
         self._diagnostics_timer = node.create_timer(self.settings.output.diagnostics_period,
@@ -150,7 +154,7 @@ class RangeSensor:
 
     def _look_after(self):
         self.inputs.follow()
-        self.outputs.forget_mismatches()
+        self.outputs.look_for_mismatches()
         complaint = self.inputs.synchronizer.complaint(self.settings.sync.warn_after)
         if complaint:
             self._logger.warning(complaint, throttle_duration_sec=_WARN_PERIOD)
