@@ -42,21 +42,21 @@ STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(30.0)    # misfit beyond which a node says no more than that it does not fit
 INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
-SMOOTH_MISFIT = F4(5.0)  # mean misfit of a tile where nothing is wrong
+SMOOTH_MISFIT = F4(4.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
 COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
-VAGUE = 0.35        # px: standard deviation of a plane that is too uncertain to publish
+VAGUE = 0.7         # px: standard deviation of a plane that is too uncertain to publish
 VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
 # Log-odds of being right within 1 px: a quadratic form of one and the evidence that
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([
-    [13.535, -0.673, -0.914, -18.477, -9.525, -5.312],
-    [0, 0.004, -0.082, -0.362, 0.144, 0.724],
-    [0, 0, -0.068, 0.932, 1.122, 0.334],
-    [0, 0, 0, 10.906, 0.079, -0.144],
-    [0, 0, 0, 0, 2.074, 2.670],
-    [0, 0, 0, 0, 0, -4.859]], F4)
-HIDDEN_ODDS = F4(-1.093)
+    [13.008, -0.801, -0.723, -16.375, -9.118, -6.074],
+    [0, 0.005, -0.098, -0.276, 0.239, 0.738],
+    [0, 0, -0.060, 0.765, 1.005, 0.332],
+    [0, 0, 0, 10.823, -1.372, -0.093],
+    [0, 0, 0, 0, 1.955, 3.195],
+    [0, 0, 0, 0, 0, -4.479]], F4)
+HIDDEN_ODDS = F4(-1.046)
 ODDS_SLOW = F4(0.5)  # slow colors: what is right within 1 px is less certain to a tenth of it
 BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
 BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
