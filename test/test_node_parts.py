@@ -34,29 +34,26 @@ class Clock:
 
 # ---- environment
 
-def test_the_environment_gets_transports_and_one_processor_a_thread(tmp_path, monkeypatch):
+def test_the_environment_gets_a_sending_thread_and_transports(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    found = defaults({}, {0, 2, 3}, process=7)
-    assert found == {'RMW_FASTRTPS_PUBLICATION_MODE': 'ASYNCHRONOUS',
-                     'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILE),
-                     'OMP_PLACES': '{2},{3},{0}', 'OMP_PROC_BIND': 'true'}
+    assert defaults({}) == {'RMW_FASTRTPS_PUBLICATION_MODE': 'ASYNCHRONOUS',
+                            'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILE)}
     assert PROFILE.is_file()
 
 
 @pytest.mark.parametrize('name, absent', [
     ('FASTDDS_BUILTIN_TRANSPORTS', 'FASTRTPS_DEFAULT_PROFILES_FILE'),
     ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE'),
-    ('RMW_FASTRTPS_PUBLICATION_MODE', 'RMW_FASTRTPS_PUBLICATION_MODE'),
-    ('OMP_PROC_BIND', 'OMP_PLACES'), ('GOMP_CPU_AFFINITY', 'OMP_PROC_BIND')])
+    ('RMW_FASTRTPS_PUBLICATION_MODE', 'RMW_FASTRTPS_PUBLICATION_MODE')])
 def test_what_the_user_sets_in_the_environment_stays(name, absent):
-    found = defaults({name: 'theirs'}, {0, 1}, process=1)
+    found = defaults({name: 'theirs'})
     assert name not in found and absent not in found
 
 
 def test_a_profile_in_the_working_directory_stays_in_force(tmp_path, monkeypatch):
     (tmp_path / 'DEFAULT_FASTRTPS_PROFILES.xml').write_text('<profiles/>')
     monkeypatch.chdir(tmp_path)
-    assert 'FASTRTPS_DEFAULT_PROFILES_FILE' not in defaults({}, {0}, process=1)
+    assert 'FASTRTPS_DEFAULT_PROFILES_FILE' not in defaults({})
 
 
 # ---- complaints

@@ -4,7 +4,7 @@
 from concurrent.futures import ThreadPoolExecutor
 
 from color_stereo_ros.core import CameraModel, ColorStereo, Status, StereoCalibration
-from color_stereo_ros.core.surface import CoarseSearch
+from color_stereo_ros.core.surface import Arena, CoarseSearch
 import numba
 import numpy as np
 import pytest
@@ -237,7 +237,7 @@ def test_images_too_small_to_measure_do_no_harm(width, height):
 
 
 def test_the_search_never_leaves_the_image():
-    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), 1.0, 1.0)
+    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), 1.0, 1.0, Arena())
     assert search.cost.shape[2] <= 2 * search.cost.shape[1] + 1
 
 

@@ -198,7 +198,7 @@ def test_winners_are_consistent_from_left_to_right(first, depth):
 
 def test_the_largest_path_costs_leave_room_for_the_disparity():
     # four paths, each at most nine capped pixels and the largest penalty that settings allow
-    search = surface.CoarseSearch((24, 32), 64, (2, 20), 40.0, 1.0)
+    search = surface.CoarseSearch((24, 32), 64, (2, 20), 40.0, 1.0, surface.Arena())
     largest = 4 * (9 * int(search.CAP) + int(search.penalties[1]))
     assert largest < 2 ** 15
     total = np.full((1, 5, 3), largest, I2)

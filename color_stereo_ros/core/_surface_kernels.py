@@ -1108,6 +1108,13 @@ def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, firs
                 node += 1
 
 
+@njit(cache=True, nogil=True, error_model='numpy')
+def whole_below(value):
+    """Return the largest whole number up to a value, float32: math.floor is a call."""
+    whole = F4(np.int32(value))
+    return whole - F4(1) if whole > value else whole
+
+
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
 def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
     """
@@ -1122,7 +1129,7 @@ def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
         first, last = band(k, BANDS, rows)
         owner = scratch[k]
         most = np.empty(width, F4)  # trust of the owners
-        flags = stack_row()
+        flags, lows, highs = stack_row(), stack_row(), stack_row()
         for row in range(first, last):
             y = row + PAD
             dd, aa = d[y, PAD:PAD + columns], a[y, PAD:PAD + columns]
@@ -1130,22 +1137,29 @@ def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
             marks = hidden[y, PAD:PAD + columns]
             owner[:] = -1
             most[:] = ISLAND
-            for x in range(columns):
-                if own[x] > ISLAND:
-                    center = F4(2 * x) - dd[x]
-                    reach = min(max(F4(0.5), F4(1) - F4(0.5) * aa[x]), F4(4))
-                    start = max(np.int32(math.ceil(center - reach)), np.int32(0))
-                    stop = min(np.int32(math.floor(center + reach)), np.int32(width - 1))
-                    for at in range(start, stop + 1):
-                        if own[x] > most[at]:
-                            most[at] = own[x]
-                            owner[at] = x
+            for start in range(0, columns, LENGTH):
+                count = min(LENGTH, columns - start)
+                places, leans = dd[start:start + count], aa[start:start + count]
+                for i in range(count):
+                    center = F4(2 * (start + i)) - places[i]
+                    reach = min(max(F4(0.5), F4(1) - F4(0.5) * leans[i]), F4(4))
+                    lows[i] = -whole_below(reach - center)
+                    highs[i] = whole_below(center + reach)
+                for i in range(count):
+                    x = start + i
+                    if own[x] > ISLAND:
+                        low = max(np.int32(lows[i]), np.int32(0))
+                        high = min(np.int32(highs[i]), np.int32(width - 1))
+                        for at in range(low, high + 1):
+                            if own[x] > most[at]:
+                                most[at] = own[x]
+                                owner[at] = x
             for start in range(0, columns, TILE_COLUMNS):
                 count = min(TILE_COLUMNS, columns - start)
                 for i in range(count):
                     x = start + i
                     known = own[x] > ISLAND
-                    place = math.floor(F4(2 * x) + F4(0.5) - (dd[x] if known else F4(0)))
+                    place = whole_below(F4(2 * x) + F4(0.5) - (dd[x] if known else F4(0)))
                     known = known & (place >= 0) & (place < width)
                     rival = owner[np.uint32(place if known else 0)]
                     known = known & (rival >= 0)

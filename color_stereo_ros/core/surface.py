@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 
 from . import _surface_kernels as kernels
+from ._arena import Arena
 from .rectification import inside_image, raw_coordinates
 from .triangulation import search_interval
 from .types import Measurement
@@ -60,6 +61,7 @@ HIDDEN_ODDS = F4(-1.046)
 ODDS_SLOW = F4(0.5)  # slow colors: what is right within 1 px is less certain to a tenth of it
 BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
 BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
+ADAPT_STEPS = 8, 4  # nodes between samples: thousands are left at 640 x 480
 THINNED = 2         # nodes between samples
 SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
 APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
@@ -92,9 +94,10 @@ class SurfaceMethod:
         shape = tuple(2 * kernels.PAD + whole(count, tile) for count, tile in zip(
             self.nodes, (kernels.TILE_ROWS, kernels.TILE_COLUMNS)))
         rows, columns = self.nodes
-        self.left = View(calibration.left, rows, columns, 2, shape, rectified_input)
+        arena = Arena()
+        self.left = View(calibration.left, rows, columns, 2, shape, rectified_input, arena)
         self.right = View(calibration.right, rows, width - 1, 1, (shape[0], width),
-                          rectified_input)
+                          rectified_input, arena)
         prior = Prior.of(settings.pattern, width)
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
@@ -106,21 +109,23 @@ class SurfaceMethod:
             self.model[0, 0] += ODDS_SLOW
         self.coarse = CoarseSearch(self.nodes, width, limits,
                                    prior.smoothness * settings.matching.smoothness,
-                                   prior.texture * settings.matching.texture)
+                                   prior.texture * settings.matching.texture, arena)
         self.tiles = tiles_of(shape)
-        self.planes = [np.full(shape, np.nan, F4), np.zeros(shape, F4), np.zeros(shape, F4)]
-        self.spare = [plane.copy() for plane in self.planes]
-        self.weight, self.moment, self.variance, self.cost = np.zeros((4, *shape), F4)
-        self.trust, self.std, self.confidence = np.zeros((3, *shape), F4)
+        self.planes = [arena.full(shape, value, F4) for value in (np.nan, 0, 0)]
+        self.spare = [arena.empty(shape, F4) for _ in self.planes]
+        self.copy_planes()
+        self.weight, self.moment, self.variance, self.cost = (
+            arena.zeros(shape, F4) for _ in range(4))
+        self.trust, self.std, self.confidence = (arena.zeros(shape, F4) for _ in range(3))
         # seeds that nothing compares count as fitting, as their cost does
-        self.misfit = np.full(shape, np.nan if settings.matching.refinements else 1.0, F4)
-        self.evidence = np.empty((len(MODEL) - 1, *self.nodes), F4)
-        self.balance = np.zeros((2, *(max(1, count // BALANCE_STEP) for count in self.nodes)),
+        self.misfit = arena.full(shape, np.nan if settings.matching.refinements else 1.0, F4)
+        self.evidence = arena.empty((len(MODEL) - 1, *self.nodes), F4)
+        self.balance = arena.zeros((2, *(max(1, count // BALANCE_STEP) for count in self.nodes)),
                                 F4)
-        self.hidden = np.zeros(shape, bool)
-        self.owners = np.empty((kernels.BANDS, width), np.int32)
-        self.status = np.zeros(shape, np.uint8)
-        self.segments = np.empty((4, rows * columns), np.int32)
+        self.hidden = arena.zeros(shape, bool)
+        self.owners = arena.empty((kernels.BANDS, width), np.int32)
+        self.status = arena.zeros(shape, np.uint8)
+        self.segments = arena.empty((4, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
 
     def measure(self, left, right, clock):
@@ -251,7 +256,8 @@ class SurfaceMethod:
     def adapt(self):
         """Measure from the matches so far how colors and noise of this pair really are."""
         rows, columns = self.nodes
-        area = np.s_[kernels.PAD + 1:kernels.PAD + rows:4, kernels.PAD + 1:kernels.PAD + columns:4]
+        area = np.s_[kernels.PAD + 1:kernels.PAD + rows:ADAPT_STEPS[0],
+                     kernels.PAD + 1:kernels.PAD + columns:ADAPT_STEPS[1]]
         misfit = self.misfit[area]
         known = np.isfinite(misfit)
         if np.count_nonzero(known) < 100:
@@ -265,17 +271,17 @@ class SurfaceMethod:
     def color_matrix(self, area, fits):
         """Return the affine map (2, 3) from right to left chromaticities of matched nodes."""
         row, column = np.nonzero(fits)
-        y, x = area[0].start + 4 * row, area[1].start + 4 * column
-        place = 2 * (x - kernels.PAD) - self.planes[0][y, x]
+        y, x = (part.start + part.step * index for part, index in zip(area, (row, column)))
+        place = (2 * (x - kernels.PAD)).astype(F4) - self.planes[0][y, x]
         i = np.clip(place.astype(np.int64), 0, self.right.u.shape[1] - 2)
-        t = place - i
+        t = place - i.astype(F4)
         right = [(1 - t) * plane[y, i] + t * plane[y, i + 1]
                  for plane in (self.right.u, self.right.v)]
         left = np.stack([self.left.u[y, x], self.left.v[y, x]], axis=1)
         inputs = np.stack([*right, np.ones_like(t)], axis=1)
-        # a prior of 200 nodes for equal cameras steadies images with little color
-        normal = inputs.T @ inputs + 200 * np.diag([0.5, 0.5, 0.5])
-        solved = np.linalg.solve(normal, inputs.T @ left + 100 * np.eye(3, 2))
+        # a prior of 100 nodes for equal cameras steadies images with little color
+        normal = inputs.T @ inputs + 100 * np.diag([0.5, 0.5, 0.5])
+        solved = np.linalg.solve(normal, inputs.T @ left + 50 * np.eye(3, 2))
         # rows in memory as in `measure`: another layout would compile the kernels again
         return np.ascontiguousarray(solved.T, F4)
 
@@ -331,7 +337,7 @@ class SurfaceMethod:
     def expand(self, clock):
         """Return the measurement at every pixel."""
         shape = self.geometry.height, self.geometry.width
-        disparity, depth, std, confidence = (np.empty(shape, F4) for _ in range(4))
+        disparity, depth, std, confidence = np.empty((4, *shape), F4)
         status = np.empty(shape, np.uint8)
         kernels.expand(*self.planes, self.std, self.confidence, self.status, *self.nodes,
                        self.limits, F4(self.geometry.focal_baseline),
@@ -345,13 +351,15 @@ class SurfaceMethod:
 class View:
     """The colors of one camera on its half grid, and the buffers for them."""
 
-    def __init__(self, camera, rows, columns, step_x, shape, rectified):
+    def __init__(self, camera, rows, columns, step_x, shape, rectified, arena):
         """Build the map; see `half_grid_index` for the arguments."""
-        self.index = half_grid_index(camera, rows, columns, step_x, shape, rectified)
-        self.pixels = np.empty((camera.height, camera.width, 4), np.uint8)
-        self.box = np.empty((camera.height, camera.width), np.uint32)
+        self.index = [arena.copy(each) for each in half_grid_index(
+            camera, rows, columns, step_x, shape, rectified)]
+        self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
+        self.box = arena.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
-        self.u, self.v, self.s, self.peak, self.variance = np.zeros((5, *shape), F4)
+        self.u, self.v, self.s, self.peak, self.variance = (
+            arena.zeros(shape, F4) for _ in range(5))
 
     def fill(self, image, dark, mean, color, blur):
         """
@@ -412,7 +420,7 @@ class CoarseSearch:
     CAP, NEUTRAL = np.int16(160), np.int16(80)
     SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
 
-    def __init__(self, nodes, width, limits, smoothness, texture):
+    def __init__(self, nodes, width, limits, smoothness, texture, arena):
         """Allocate the cost volume of a half grid of `nodes` under an image of `width` px."""
         self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
         h, w = (max(1, count // self.factor) for count in nodes)
@@ -425,18 +433,18 @@ class CoarseSearch:
         self.penalties = [np.int16(round(min(smoothness, 10.0) * penalty))
                           for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
         self.texture = F4(self.SCALE * texture)
-        self.left, self.right = np.zeros((2, 4, h, w), np.int16)
-        self.brightness = np.zeros((h, w), F4)
+        self.left, self.right = arena.zeros((2, 4, h, w), np.int16)
+        self.brightness = arena.zeros((h, w), F4)
         # column x - d of the right image lies at margin + (w - 1) - (x - d)
         self.margin = w + max(abs(self.first), abs(self.first + depth))
-        self.reversed = np.zeros((4, h, w + 2 * self.margin), np.int16)
-        self.cost, self.total = np.empty((2, h, w, depth), np.int16)
-        self.cost_scratch = np.empty((kernels.BANDS, 4, w, depth), np.int16)
-        self.row_scratch = np.empty((kernels.BANDS, 2, depth + 2), np.int16)
-        self.column_scratch = np.empty((2, w, depth + 2), np.int16)
-        self.lowest = np.empty(w, np.int16)
-        self.disparity = np.empty((h, w), F4)
-        self.best = np.empty((kernels.BANDS, 2, w), np.int32)
+        self.reversed = arena.zeros((4, h, w + 2 * self.margin), np.int16)
+        self.cost, self.total = arena.empty((2, h, w, depth), np.int16)
+        self.cost_scratch = arena.empty((kernels.BANDS, 4, w, depth), np.int16)
+        self.row_scratch = arena.empty((kernels.BANDS, 2, depth + 2), np.int16)
+        self.column_scratch = arena.empty((2, w, depth + 2), np.int16)
+        self.lowest = arena.empty((w,), np.int16)
+        self.disparity = arena.empty((h, w), F4)
+        self.best = arena.empty((kernels.BANDS, 2, w), np.int32)
 
     def fill_texture(self, out):
         """Write log brightness against its surroundings, int16: printed or natural texture."""
@@ -478,14 +486,17 @@ def channel_levels(image, color):
     """Return dark level and mean above it of each channel, float32 (3,), DN."""
     step = min(16, max(1, min(image.shape[:2]) // 32))
     sample = image[step // 2::step, step // 2::step].reshape(-1, 3)
-    if color.dark_level < 0 and sample.size:
-        rank = sample.shape[0] // 200  # the darkest half percent
-        dark = np.minimum(np.partition(sample, rank, axis=0)[rank], DARKEST).astype(F4)
-    else:
-        dark = np.full(3, max(color.dark_level, 0.0), F4)
     if not sample.size:
-        return dark, np.ones(3, F4)
-    return dark, np.maximum(sample - dark, 0).mean(axis=0)
+        return np.full(3, max(color.dark_level, 0.0), F4), np.ones(3, F4)
+    levels = np.arange(256)
+    counts = np.bincount((sample + 256 * np.arange(3)).ravel(), minlength=768).reshape(3, 256)
+    if color.dark_level < 0:
+        darkest = sample.shape[0] // 200  # half percent
+        dark = np.minimum((np.cumsum(counts, axis=1) <= darkest).sum(axis=1), DARKEST)
+    else:
+        dark = np.full(3, color.dark_level)
+    above = np.maximum(levels - dark[:, None], 0)
+    return dark.astype(F4), ((counts * above).sum(axis=1) / sample.shape[0]).astype(F4)
 
 
 def noise_weight(image):

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Buffers beside each other in one block."""
+
+from color_stereo_ros.core._arena import ALIGNMENT, Arena, BLOCK
+import numpy as np
+import pytest
+
+
+def test_arrays_are_aligned_writable_and_apart():
+    arena = Arena()
+    arrays = [arena.full((3, 5), index, dtype)
+              for index, dtype in enumerate((np.uint8, np.float32, np.int16, bool, np.float64))]
+    for index, array in enumerate(arrays):
+        assert array.ctypes.data % ALIGNMENT == 0 and array.flags.c_contiguous
+        assert (array == (index if array.dtype != bool else True)).all()
+
+
+def test_arrays_share_a_block_until_it_is_full():
+    arena = Arena()
+    first, second = (arena.zeros((1000,), np.float32) for _ in range(2))
+    assert 4000 < second.ctypes.data - first.ctypes.data < 5000
+    large = arena.zeros((BLOCK,), np.uint8)
+    assert not np.shares_memory(first.base, large.base)
+
+
+def test_an_array_may_be_larger_than_a_block():
+    assert Arena().zeros((BLOCK + 1,), np.uint8).nbytes == BLOCK + 1
+
+
+@pytest.mark.parametrize('shape', [(0,), (2, 0, 3), ()])
+def test_empty_shapes_are_served(shape):
+    assert Arena().zeros(shape, np.float32).shape == shape
+
+
+def test_a_copy_is_independent():
+    source = np.arange(6, dtype=np.int32).reshape(2, 3)
+    copy = Arena().copy(source)
+    source[0, 0] = 9
+    assert copy.tolist() == [[0, 1, 2], [3, 4, 5]]
