@@ -3,6 +3,11 @@
 
 from dataclasses import replace
 import errno
+import os
+from pathlib import Path
+import subprocess
+import sys
+import threading
 
 from color_stereo_ros.core import RecordingError, Settings
 from color_stereo_ros.nodes import cloud_files, worker as worker_module
@@ -188,8 +193,7 @@ def work():
     workers = []
 
     def run(pairs, on_publish=lambda *_: None):
-        from threading import Event
-        done, log, failures = Event(), Log(), []
+        done, log, failures = threading.Event(), Log(), []
         settings = replace(RangeNodeSettings(), matching=Settings().updated(PAPER).matching)
 
         def publish(*arguments):
@@ -248,6 +252,49 @@ def test_a_worker_can_be_stopped_before_it_has_started(work):
     worker = Worker(Setup(None, RangeNodeSettings()), print, print, Log(), print)
     worker.stop()
     assert worker.dropped == 0
+
+
+class Helper:
+    """A process that compiles, in name only."""
+
+    def __init__(self):
+        self.killed = False
+
+    def kill(self):
+        """Note it."""
+        self.killed = True
+
+    def wait(self):
+        """Be gone."""
+
+
+@pytest.mark.parametrize('method, cold, helps', [
+    ('surface', True, True), ('surface', False, False), ('paper', True, False)])
+def test_a_second_process_helps_to_compile_until_the_kernels_are_there(
+        method, cold, helps, monkeypatch):
+    helpers = []
+
+    def start():
+        helpers.append(Helper())
+        return helpers[-1]
+
+    monkeypatch.setattr(worker_module.warm_up, 'is_cold', lambda: cold)
+    monkeypatch.setattr(worker_module.warm_up, 'start_helper', start)
+    settings = replace(RangeNodeSettings(),
+                       matching=Settings().updated({'matching.method': method}).matching)
+    ready = threading.Event()
+    worker = Worker(Setup(None, settings), print, print, Log(), lambda result: ready.set())
+    worker.start()
+    assert ready.wait(120.0)
+    worker.stop()
+    assert [helper.killed for helper in helpers] == [True] * helps
+
+
+def test_the_helper_goes_through_all_stages():
+    """Without the compiler: that takes a second instead of half a minute."""
+    environment = {**os.environ, 'NUMBA_DISABLE_JIT': '1'}
+    subprocess.run([sys.executable, '-m', 'color_stereo_ros.core.warm_up'], check=True,
+                   env=environment, cwd=Path(__file__).parents[1])
 
 
 # ---- files of points

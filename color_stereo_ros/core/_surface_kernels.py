@@ -1141,7 +1141,7 @@ def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
                 count = min(LENGTH, columns - start)
                 places, leans = dd[start:start + count], aa[start:start + count]
                 for i in range(count):
-                    center = F4(2 * (start + i)) - places[i]
+                    center = F4(2 * (start + i)) - (places[i] if places[i] == places[i] else F4(0))
                     reach = min(max(F4(0.5), F4(1) - F4(0.5) * leans[i]), F4(4))
                     lows[i] = -whole_below(reach - center)
                     highs[i] = whole_below(center + reach)

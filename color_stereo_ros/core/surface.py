@@ -127,6 +127,7 @@ class SurfaceMethod:
         self.status = arena.zeros(shape, np.uint8)
         self.segments = arena.empty((4, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
+        self.matrix, self.scale, self.noise_weight = np.eye(2, 3, dtype=F4), F4(1), F4(1)
 
     def measure(self, left, right, clock):
         """
@@ -325,10 +326,12 @@ class SurfaceMethod:
         rows, columns = self.nodes
         area = np.s_[kernels.PAD:kernels.PAD + rows, kernels.PAD:kernels.PAD + columns]
         thinned = np.s_[::THINNED, ::THINNED]  # a share needs no more samples
-        known = (self.variance[area][thinned] < F4(0.25)).astype(F4)
-        apart = (self.evidence[3][thinned] > APART) * known
-        share = (cv2.blur(apart, SURROUNDINGS) /
-                 np.maximum(cv2.blur(known, SURROUNDINGS), F4(1e-3)))
+        known = (self.variance[area][thinned] < F4(0.25)).view(np.uint8)
+        apart = (self.evidence[3][thinned] > APART).view(np.uint8) & known
+        # border pixels are repeated, by both counts alike
+        counts = [cv2.boxFilter(each, cv2.CV_32F, SURROUNDINGS, normalize=False)
+                  for each in (apart, known)]
+        share = counts[0] / np.maximum(counts[1], F4(1))
         excess = np.maximum(share - DISCORD, F4(0))
         if excess.any():
             self.trust[area] -= (DISCORD_ODDS / (F4(1) - DISCORD)) * cv2.resize(

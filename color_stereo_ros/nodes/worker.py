@@ -9,7 +9,7 @@ import traceback
 
 import numpy as np
 
-from ..core.calibration import StereoCalibration
+from ..core import warm_up
 from ..core.pipeline import ColorStereo
 from ..core.types import ColorStereoError
 from .complaints import Complaints
@@ -18,7 +18,6 @@ from .synchroniser import LatestSlot
 
 _KEPT = 300
 _PATIENCE = 2.0  # s
-_WARM_UP_SIZE = (64, 48)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +93,7 @@ class Worker:
         self._logger = logger
         self._complain = Complaints(lambda text: logger.error(text))
         self._built = None  # (key, ColorStereo)
+        self._helper = None  # a process that compiles
         self._slot = LatestSlot()
         self._thread = threading.Thread(target=self._run, name='color_stereo', daemon=True)
         self.account = Account()
@@ -109,6 +109,9 @@ class Worker:
         self._slot.close()
         if self._thread.is_alive():
             self._thread.join(_PATIENCE)
+        helper = self._helper
+        if helper is not None:  # the thread still compiles, and waits for nobody
+            helper.kill()
 
     @property
     def dropped(self):
@@ -149,16 +152,30 @@ class Worker:
         """Compile or load the kernels before the first calibration arrives."""
         started = time.monotonic()
         self._logger.info('getting ready: loading the kernels')
+        settings = self._wanted.settings.core
+        if settings.matching.method == 'surface' and warm_up.is_cold():
+            self._logger.info('no compiled kernels are found: they are compiled now, which takes '
+                              'up to a minute, once on this machine')
+            self._helper = warm_up.start_helper()
         try:
-            stereo = ColorStereo(_any_calibration(), self._wanted.settings.core)
-            black = np.zeros((*_WARM_UP_SIZE[::-1], 3), np.uint8)
+            stereo = ColorStereo(warm_up.some_calibration(), settings)
+            black = np.zeros((*warm_up.SIZE[::-1], 3), np.uint8)
             self._prepare(stereo.process(black, black))
         except ColorStereoError:
             pass  # limits that do not fit this rig may fit the real one
+        finally:
+            self._end_helper()
         if self._slot.closed:
             return
         self.state = 'ready'
         self._logger.info(f'ready after {time.monotonic() - started:.1f} s')
+
+    def _end_helper(self):
+        """End the process that helps to compile, if there is one."""
+        if self._helper is not None:
+            self._helper.kill()
+            self._helper.wait()
+            self._helper = None
 
     def _step(self, pair):
         setup = self._wanted
@@ -221,10 +238,3 @@ def _image(side, message):
     except ColorStereoError as error:
         raise type(error)(f'{side} image: {error}') from error
 
-
-def _any_calibration():
-    """Return some rig, for the warm-up."""
-    width, height = _WARM_UP_SIZE
-    camera = np.array([[60.0, 0.0, width / 2], [0.0, 60.0, height / 2], [0.0, 0.0, 1.0]])
-    return StereoCalibration.from_arrays(_WARM_UP_SIZE, camera, None, camera, None, np.eye(3),
-                                         (-0.06, 0.0, 0.0))

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Compile the kernels of the surface method, the last ones first: `python -m ...core.warm_up`.
+
+A process that needs all of them compiles them in the order of the pipeline, in one thread: the
+compiler knows no other way. A second process that comes from the other end meets it half way;
+what one has compiled the other finds in the cache.
+
+"""
+
+import subprocess
+import sys
+
+import numpy as np
+
+from .calibration import StereoCalibration
+
+SIZE = 64, 48  # px
+
+
+def some_calibration():
+    """Return a small rig for those who need any."""
+    width, height = SIZE
+    camera = np.array([[60.0, 0.0, width / 2], [0.0, 60.0, height / 2], [0.0, 0.0, 1.0]])
+    return StereoCalibration.from_arrays(SIZE, camera, None, camera, None, np.eye(3),
+                                         (-0.06, 0.0, 0.0))
+
+
+def is_cold():
+    """Return whether the kernels of this process are compiled and not loaded."""
+    from . import _surface_kernels as kernels
+    kernels.box_sums(np.zeros((2, 2), np.uint32), np.empty((2, 2), np.uint32))
+    return sum(kernels.box_sums.stats.cache_misses.values()) > 0
+
+
+def start_helper():
+    """Return a process that compiles the last kernels; kill it when it is of no more use."""
+    return subprocess.Popen([sys.executable, '-m', __name__], stdin=subprocess.DEVNULL,
+                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def main():
+    """Go through the stages of the surface method backwards."""
+    from .pipeline import Stopwatch
+    from .settings import Settings
+    from .surface import STEPS, SurfaceMethod
+    from .triangulation import disparity_limits
+    calibration, settings = some_calibration(), Settings()
+    method = SurfaceMethod(settings, calibration,
+                           disparity_limits(calibration.geometry, settings.range))
+    method.judge()
+    method.expand(Stopwatch())
+    method.propagate(STEPS[0])
+    method.fit_planes(method.tiles, 0, 2)
+    method.linearize(method.tiles)
+    method.seed()
+
+
+if __name__ == '__main__':
+    sys.exit(main())
