@@ -340,6 +340,21 @@ def brightness_balance(d, misfit, left_s, right_s, step, worst, shape):
     return balance, weight
 
 
+def color_sums(left, right, d, misfit, worst, rows, columns, step_y, step_x):
+    """Return sums of x x^T and x y^T over the matched nodes; see the kernel."""
+    normal, target = np.zeros((3, 3)), np.zeros((3, 2))
+    for y in range(PAD + 1, PAD + rows, step_y):
+        for x in range(PAD + 1, PAD + columns, step_x):
+            if misfit[y, x] < worst:
+                place = 2 * (x - PAD) - float(d[y, x])
+                i = min(max(int(place), 0), right.shape[2] - 2)
+                color = right[:2, y, i] + (place - i) * (right[:2, y, i + 1] - right[:2, y, i])
+                inputs = np.append(color, 1)
+                normal += np.outer(inputs, inputs)
+                target += np.outer(inputs, left[:2, y, x])
+    return normal, target
+
+
 def judge(planes, cost, misfit, variance, left_s, right_s, balance, rows, columns, model):
     """Return evidence (5, rows, columns) and trust (rows, columns)."""
     d, a, b = planes

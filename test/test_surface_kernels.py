@@ -361,6 +361,19 @@ def test_brightness_is_compared_where_colors_match():
     np.testing.assert_allclose(out, expected, atol=1e-5)
 
 
+def test_color_sums_are_those_of_the_matched_nodes():
+    left, right = views(40)
+    d, misfit = planes(41)[0], np.random.default_rng(42).gamma(1, 8, SHAPE).astype(F4)
+    misfit[np.isnan(d)] = np.nan
+    normal, target = np.eye(3), np.zeros((3, 2))
+    kernels.add_color_sums(left[0], left[1], right[0], right[1], d, misfit, F4(9), ROWS, COLUMNS,
+                           3, 2, normal, target)
+    expected = naive.color_sums(left, right, d, misfit, 9, ROWS, COLUMNS, 3, 2)
+    assert expected[0][2, 2] > 20
+    np.testing.assert_allclose(normal - np.eye(3), expected[0], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(target, expected[1], rtol=1e-4, atol=1e-4)
+
+
 def judged(seed):
     """Return what the kernel and the twin say about random planes: evidence and trust."""
     rng = np.random.default_rng(seed)

@@ -917,6 +917,45 @@ def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, n
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def add_color_sums(left_u, left_v, right_u, right_v, d, misfit, worst, rows, columns, step_y,
+                   step_x, normal, target):
+    """
+    Add x x^T to normal (3, 3) and x y^T to target (3, 2), float64, of matched colors.
+
+    x = (u, v, 1) at the place of a node in the right image (linear interpolation), y = (u, v) of
+    the node. Every step_y-th row and step_x-th column counts, from the second on, where the
+    misfit is below `worst`.
+
+    """
+    width = right_u.shape[1]
+    for y in range(PAD + 1, PAD + rows, step_y):
+        for x in range(PAD + 1, PAD + columns, step_x):
+            if not misfit[y, x] < worst:
+                continue
+            place = F4(2 * (x - PAD)) - d[y, x]
+            i = min(max(np.int32(place), np.int32(0)), np.int32(width - 2))
+            t = place - F4(i)
+            u = right_u[y, i] + t * (right_u[y, i + 1] - right_u[y, i])
+            v = right_v[y, i] + t * (right_v[y, i + 1] - right_v[y, i])
+            goal_u, goal_v = left_u[y, x], left_v[y, x]
+            normal[0, 0] += u * u
+            normal[0, 1] += u * v
+            normal[1, 0] += u * v
+            normal[1, 1] += v * v
+            normal[0, 2] += u
+            normal[2, 0] += u
+            normal[1, 2] += v
+            normal[2, 1] += v
+            normal[2, 2] += F4(1)
+            target[0, 0] += u * goal_u
+            target[0, 1] += u * goal_v
+            target[1, 0] += v * goal_u
+            target[1, 1] += v * goal_v
+            target[2, 0] += goal_u
+            target[2, 1] += goal_v
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
 def brightness_balance(d, misfit, left_s, right_s, step, worst, balance, weight):
     """
     Compare the brightness of every step-th node with that of its place in the right image.

@@ -260,31 +260,23 @@ class SurfaceMethod:
         area = np.s_[kernels.PAD + 1:kernels.PAD + rows:ADAPT_STEPS[0],
                      kernels.PAD + 1:kernels.PAD + columns:ADAPT_STEPS[1]]
         misfit = self.misfit[area]
-        known = np.isfinite(misfit)
-        if np.count_nonzero(known) < 100:
+        known = misfit[np.isfinite(misfit)]
+        if known.size < 100:
             return
-        at = np.count_nonzero(known) // 4
-        self.scale = F4(np.clip(np.partition(misfit[known], at)[at] / QUARTILE, 0.1, 100.0))
+        at = known.size // 4
+        self.scale = F4(np.clip(np.partition(known, at)[at] / QUARTILE, 0.1, 100.0))
         if self.settings.matching.color_matching and not self.blur:
-            fits = known & (misfit < ROBUST * self.scale)
-            self.matrix = self.color_matrix(area, fits)
+            self.matrix = self.color_matrix()
 
-    def color_matrix(self, area, fits):
+    def color_matrix(self):
         """Return the affine map (2, 3) from right to left chromaticities of matched nodes."""
-        row, column = np.nonzero(fits)
-        y, x = (part.start + part.step * index for part, index in zip(area, (row, column)))
-        place = (2 * (x - kernels.PAD)).astype(F4) - self.planes[0][y, x]
-        i = np.clip(place.astype(np.int64), 0, self.right.u.shape[1] - 2)
-        t = place - i.astype(F4)
-        right = [(1 - t) * plane[y, i] + t * plane[y, i + 1]
-                 for plane in (self.right.u, self.right.v)]
-        left = np.stack([self.left.u[y, x], self.left.v[y, x]], axis=1)
-        inputs = np.stack([*right, np.ones_like(t)], axis=1)
         # a prior of 100 nodes for equal cameras steadies images with little color
-        normal = inputs.T @ inputs + 100 * np.diag([0.5, 0.5, 0.5])
-        solved = np.linalg.solve(normal, inputs.T @ left + 50 * np.eye(3, 2))
+        normal, target = np.diag([50.0, 50.0, 50.0]), 50 * np.eye(3, 2)
+        left, right = self.left, self.right
+        kernels.add_color_sums(left.u, left.v, right.u, right.v, self.planes[0], self.misfit,
+                               ROBUST * self.scale, *self.nodes, *ADAPT_STEPS, normal, target)
         # rows in memory as in `measure`: another layout would compile the kernels again
-        return np.ascontiguousarray(solved.T, F4)
+        return np.ascontiguousarray(np.linalg.solve(normal, target).T, F4)
 
     def judge(self):
         """Find out how far each node can be trusted, and why some cannot."""
