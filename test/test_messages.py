@@ -343,3 +343,8 @@ def test_a_serialized_image_that_ends_too_early_is_refused(length):
     assert len(data) > 90
     with pytest.raises(ImageError, match='damaged'):
         messages.read_image(data[:length])
+
+
+def test_bytes_that_nobody_can_read_are_refused():
+    with pytest.raises(ImageError, match='damaged'):
+        messages.read_image(b'\x7f\x7f\0\0' + bytes(20))

@@ -25,7 +25,7 @@ def make_pattern(settings=PatternSettings()):
     Returns
     -------
     pattern : numpy.ndarray, uint8, shape (height, width, 3)
-        RGB, linear light: a projector with a gamma curve must be given the inverse of it.
+        RGB, linear light: a projector with a gamma curve should be given the inverse of it.
 
     Raises
     ------

@@ -11,6 +11,7 @@ PROFILE = Path(__file__).with_name('fast_dds.xml')
 
 _TRANSPORT_CHOICES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE',
                       'FASTDDS_BUILTIN_TRANSPORTS')
+_MEMORY_CHOICES = 'MALLOC_MMAP_THRESHOLD_', 'MALLOC_TRIM_THRESHOLD_', 'GLIBC_TUNABLES'
 _LOCAL_PROFILE = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it from the working directory
 
 
@@ -47,9 +48,12 @@ def keep_freed_memory():
     Let the C library keep what is freed, up to 64 MB, for the next pair.
 
     A result has 6 MB. Given back to the system and taken anew for every pair, its pages cost as
-    much as a stage of the measurement. Where the library is not glibc, nothing happens.
+    much as a stage of the measurement. Where the library is not glibc, or the environment tunes
+    it already, nothing happens.
 
     """
+    if any(name in os.environ for name in _MEMORY_CHOICES):
+        return
     try:
         library = ctypes.CDLL(None)
         for option, size in ((_M_MMAP_THRESHOLD, 32 << 20), (_M_TRIM_THRESHOLD, 64 << 20)):

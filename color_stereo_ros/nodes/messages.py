@@ -130,12 +130,20 @@ def read_image(data):
     """
     order = _CDR_BYTE_ORDERS.get(data[:2])
     if order is None:
-        from rclpy.serialization import deserialize_message
-        from sensor_msgs.msg import Image
-        return deserialize_message(data, Image)
+        return _deserialized_image(data)
     try:
         return _read_cdr_image(data, order)
     except (struct.error, UnicodeDecodeError) as error:
+        raise ImageError(f'the message is damaged: {error}') from error
+
+
+def _deserialized_image(data):
+    """Return the Image in bytes of a middleware whose format only rclpy knows."""
+    from rclpy.serialization import deserialize_message
+    from sensor_msgs.msg import Image
+    try:
+        return deserialize_message(data, Image)
+    except Exception as error:  # the middleware decides what it raises
         raise ImageError(f'the message is damaged: {error}') from error
 
 

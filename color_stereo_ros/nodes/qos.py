@@ -19,7 +19,7 @@ def incompatible_policy(offered, requested):
     Returns
     -------
     policy : str or None
-        None if they fit (DDS specification, sec. 2.2.3: an offer must be as strict as the request).
+        None if they fit: an offer must be as strict as the request (DDS, sec. 2.2.3).
 
     """
     if (requested.reliability == QoSReliabilityPolicy.RELIABLE

@@ -70,7 +70,8 @@ def parsed(argv):
     parser = argparse.ArgumentParser(
         prog='color_stereo', description='Range images from two color cameras and a projector.',
         epilog='`color_stereo COMMAND --help` explains a command. Exit status: 0 = done; 1 = it '
-        'failed, for example because a file is missing or damaged; 2 = the command line or a settings file is wrong; 130 = interrupted.',
+        'failed, for example because a file is missing or damaged; 2 = the command line or a '
+        'settings file is wrong; 130 = interrupted.',
         allow_abbrev=False)
     parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
     subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
