@@ -140,14 +140,18 @@ def sgm_columns(cost, small, large):
     return sgm_rows(cost.transpose(1, 0, 2), small, large).transpose(1, 0, 2)
 
 
-def winners(total, first):
-    """Return the disparity of each coarse node, NaN where left and right disagree."""
+def winners(total, first, least_gap):
+    """Return the disparity of each coarse node, NaN where sides disagree or a rival is near."""
     disparity = np.full(total.shape[:2], np.nan)
     for y in range(total.shape[0]):
         best = [int(np.argmin(line)) for line in total[y]]
         for x, at in enumerate(best):
             right = x - (first + at)
             if not 0 <= right < total.shape[1]:
+                continue
+            rivals = [cost for k, cost in enumerate(total[y, x])
+                      if abs(k - at) > kernels.REPETITION]
+            if min(rivals, default=math.inf) < total[y, x, at] + least_gap:
                 continue
             bids = [(total[y, i, k], -k) for i, k in enumerate(best) if i - (first + k) == right]
             if abs(-min(bids)[1] - at) <= 1:

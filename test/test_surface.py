@@ -237,7 +237,7 @@ def test_images_too_small_to_measure_do_no_harm(width, height):
 
 
 def test_the_search_never_leaves_the_image():
-    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), 1.0, 1.0, Arena())
+    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), 1.0, 1.0, False, Arena())
     assert search.cost.shape[2] <= 2 * search.cost.shape[1] + 1
 
 
@@ -375,3 +375,15 @@ def test_threads_may_share_one_sensor(stereo):
     with ThreadPoolExecutor(2) as pool:
         together = list(pool.map(lambda pair: stereo.process(*pair), pairs * 3))
     assert all(same_bytes(result, alone[k % 2]) for k, result in enumerate(together))
+
+
+@pytest.mark.parametrize('kind', ['sine', 'unknown'])
+def test_repetitions_that_nothing_tells_apart_get_no_range(kind):
+    rows, columns = np.mgrid[:240, :320]
+    views = []
+    for shift in (0, 20):  # a bare plane at 20 px under a pattern that repeats every 20 px
+        phase = 2 * np.pi * (columns + shift) / 20
+        image = 110 + 80 * np.stack([np.cos(phase - k * 2 * np.pi / 3) for k in range(3)], axis=-1)
+        views.append(np.random.default_rng(shift).normal(image, 1.5).astype(np.uint8))
+    settings = surface_settings(5, 75, pattern__type=kind, pattern__cycles=16)
+    assert ColorStereo(rig(320, 240), settings).process(*views).density < 0.02

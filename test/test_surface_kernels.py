@@ -186,25 +186,25 @@ def test_semi_global_paths_are_exact(small, large):
     np.testing.assert_array_equal(total, expected)
 
 
-@pytest.mark.parametrize('first, depth', [(-3, 7), (0, 1), (2, 5)])
-def test_winners_are_consistent_from_left_to_right(first, depth):
+@pytest.mark.parametrize('first, depth, gap', [(-3, 7, 0), (0, 1, 0), (2, 5, 0), (-3, 12, 2)])
+def test_winners_are_consistent_from_left_to_right_and_have_no_near_rival(first, depth, gap):
     total = np.random.default_rng(7).integers(0, 30, (6, 17, depth)).astype(I2)
     disparity = np.empty((6, 17), F4)
-    kernels.winners(total, first, disparity, np.empty((kernels.BANDS, 2, 17), np.int32))
-    expected = naive.winners(total.astype(int), first)
+    kernels.winners(total, first, gap, disparity, np.empty((kernels.BANDS, 2, 17), np.int32))
+    expected = naive.winners(total.astype(int), first, gap)
     np.testing.assert_allclose(disparity, expected, atol=1e-5)
     assert np.isfinite(disparity).any()
 
 
 def test_the_largest_path_costs_leave_room_for_the_disparity():
     # four paths, each at most nine capped pixels and the largest penalty that settings allow
-    search = surface.CoarseSearch((24, 32), 64, (2, 20), 40.0, 1.0, surface.Arena())
+    search = surface.CoarseSearch((24, 32), 64, (2, 20), 40.0, 1.0, False, surface.Arena())
     largest = 4 * (9 * int(search.CAP) + int(search.penalties[1]))
     assert largest < 2 ** 15
     total = np.full((1, 5, 3), largest, I2)
     total[..., 1] -= 1
     disparity = np.empty((1, 5), F4)
-    kernels.winners(total, -1, disparity, np.empty((kernels.BANDS, 2, 5), np.int32))
+    kernels.winners(total, -1, 0, disparity, np.empty((kernels.BANDS, 2, 5), np.int32))
     np.testing.assert_array_equal(disparity, 0)
 
 

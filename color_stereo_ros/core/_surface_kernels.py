@@ -42,6 +42,7 @@ BENT = F4(0.8)        # standard deviation per distance of the neighbors, fitted
 ISLAND = F4(-50)    # log-odds of a node in too small a segment
 UNKNOWN = F4(-100)  # log-odds of a node without disparity
 PITCH_DARK = F4(1)  # DN of summed channels: darker nodes get no range from their neighbors
+REPETITION = 2  # coarse nodes: what is nearer to the best disparity is the same match
 CEILING = F4(30)  # of a misfit that counts as evidence
 MURK = F4(3)      # DN of summed channels: below, brightness is mostly noise and scattered light
 VALID = np.uint8(Status.VALID)
@@ -349,12 +350,13 @@ def reset_path(path):
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def winners(total, first, disparity, scratch):
+def winners(total, first, least_gap, disparity, scratch):
     """
     Winner-takes-all with left-right consistency on the coarse grid.
 
     Writes disparity (coarse nodes, V-fit between neighbors, NaN where the right image prefers
-    another left node by more than one). scratch int32 (BANDS, 2, w).
+    another left node by more than one, or where a disparity more than REPETITION nodes away costs
+    less than least_gap more). scratch int32 (BANDS, 2, w).
 
     """
     rows, columns, depth = total.shape
@@ -377,6 +379,14 @@ def winners(total, first, disparity, scratch):
                     if rise > 0:
                         fraction = F4(0.5) * F4(line[at - 1] - line[at + 1]) / F4(rise)
                 disparity[y, x] = F4(first + at) + fraction
+                if least_gap > 0:
+                    rival_cost = least + least_gap
+                    for d in range(max(at - REPETITION, 0)):
+                        rival_cost = min(rival_cost, line[d])
+                    for d in range(at + REPETITION + 1, depth):
+                        rival_cost = min(rival_cost, line[d])
+                    if rival_cost < least + least_gap:
+                        disparity[y, x] = np.nan
                 arg_left[x] = first + at
                 right = x - (first + at)
                 if 0 <= right < columns:

@@ -109,7 +109,7 @@ class SurfaceMethod:
             self.model[0, 0] += ODDS_SLOW
         self.coarse = CoarseSearch(self.nodes, width, limits,
                                    prior.smoothness * settings.matching.smoothness,
-                                   prior.texture * settings.matching.texture, arena)
+                                   prior.texture * settings.matching.texture, prior.repeats, arena)
         self.tiles = tiles_of(shape)
         self.planes = [arena.full(shape, value, F4) for value in (np.nan, 0, 0)]
         self.spare = [arena.empty(shape, F4) for _ in self.planes]
@@ -389,17 +389,19 @@ class Prior:
     """Factor of the penalties for steps."""
     blur: int
     """Radius over which colors are averaged, nodes."""
+    repeats: bool
+    """The same colors may come again within the search."""
 
     @classmethod
     def of(cls, pattern, width):
         """Return the prior for PatternSettings that light an image of `width` columns."""
         if pattern.type in APERIODIC:
-            return cls(texture=0.5, smoothness=1.0, blur=0)
+            return cls(texture=0.5, smoothness=1.0, blur=0, repeats=False)
         # Repeating colors need the texture and the neighbors to tell the repetitions apart; a
         # color that changes slowly shows its slope only over many pixels.
         cycles = pattern.cycles if pattern.type in SLOW else math.inf
         blur = min(4, round(width / cycles / 160))
-        return cls(texture=2.0, smoothness=1.0 if blur else 4.0, blur=blur)
+        return cls(texture=2.0, smoothness=1.0 if blur else 4.0, blur=blur, repeats=cycles > 1)
 
 
 APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
@@ -414,8 +416,9 @@ class CoarseSearch:
     SURROUNDINGS = 9  # nodes: brighter than these is texture
     CAP, NEUTRAL = np.int16(160), np.int16(80)
     SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
+    CLEAR = 1.5  # large steps: by less, a repetition of the pattern loses to the neighbors' say only
 
-    def __init__(self, nodes, width, limits, smoothness, texture, arena):
+    def __init__(self, nodes, width, limits, smoothness, texture, repeats, arena):
         """Allocate the cost volume of a half grid of `nodes` under an image of `width` px."""
         self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
         h, w = (max(1, count // self.factor) for count in nodes)
@@ -427,6 +430,7 @@ class CoarseSearch:
         # four path costs, each at most nine capped nodes and one penalty, must fit into int16
         self.penalties = [np.int16(round(min(smoothness, 10.0) * penalty))
                           for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
+        self.least_gap = round(self.CLEAR * int(self.penalties[1])) if repeats else 0
         self.texture = F4(self.SCALE * texture)
         self.left, self.right = arena.zeros((2, 4, h, w), np.int16)
         self.brightness = arena.zeros((h, w), F4)
@@ -473,7 +477,7 @@ class CoarseSearch:
         kernels.sgm_rows(self.cost, *self.penalties, self.total, self.row_scratch)
         kernels.sgm_columns(self.cost, *self.penalties, self.total, self.column_scratch,
                             self.lowest)
-        kernels.winners(self.total, self.first, self.disparity, self.best)
+        kernels.winners(self.total, self.first, self.least_gap, self.disparity, self.best)
         return self.disparity
 
 
