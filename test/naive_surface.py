@@ -141,22 +141,22 @@ def sgm_columns(cost, small, large):
 
 
 def winners(total, first, least_gap):
-    """Return the disparity of each coarse node, NaN where sides disagree or a rival is near."""
+    """Return the disparity of each coarse node, NaN where sides disagree, and which are clear."""
     disparity = np.full(total.shape[:2], np.nan)
+    clear = np.ones(total.shape[:2])
     for y in range(total.shape[0]):
         best = [int(np.argmin(line)) for line in total[y]]
         for x, at in enumerate(best):
-            right = x - (first + at)
-            if not 0 <= right < total.shape[1]:
-                continue
             rivals = [cost for k, cost in enumerate(total[y, x])
                       if abs(k - at) > kernels.REPETITION]
-            if min(rivals, default=math.inf) < total[y, x, at] + least_gap:
+            clear[y, x] = min(rivals, default=math.inf) >= total[y, x, at] + least_gap
+            right = x - (first + at)
+            if not 0 <= right < total.shape[1]:
                 continue
             bids = [(total[y, i, k], -k) for i, k in enumerate(best) if i - (first + k) == right]
             if abs(-min(bids)[1] - at) <= 1:
                 disparity[y, x] = first + at + v_fit(total[y, x], at)
-    return disparity
+    return disparity, clear
 
 
 def v_fit(line, at):

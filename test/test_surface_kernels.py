@@ -187,12 +187,15 @@ def test_semi_global_paths_are_exact(small, large):
 
 
 @pytest.mark.parametrize('first, depth, gap', [(-3, 7, 0), (0, 1, 0), (2, 5, 0), (-3, 12, 2)])
-def test_winners_are_consistent_from_left_to_right_and_have_no_near_rival(first, depth, gap):
+def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_rival(
+        first, depth, gap):
     total = np.random.default_rng(7).integers(0, 30, (6, 17, depth)).astype(I2)
-    disparity = np.empty((6, 17), F4)
-    kernels.winners(total, first, gap, disparity, np.empty((kernels.BANDS, 2, 17), np.int32))
+    disparity, clear = np.empty((2, 6, 17), F4)
+    kernels.winners(total, first, gap, disparity, clear, np.empty((kernels.BANDS, 2, 17), np.int32))
     expected = naive.winners(total.astype(int), first, gap)
-    np.testing.assert_allclose(disparity, expected, atol=1e-5)
+    np.testing.assert_allclose(disparity, expected[0], atol=1e-5)
+    np.testing.assert_array_equal(clear, expected[1])
+    assert clear.all() == (gap == 0)
     assert np.isfinite(disparity).any()
 
 
@@ -203,8 +206,8 @@ def test_the_largest_path_costs_leave_room_for_the_disparity():
     assert largest < 2 ** 15
     total = np.full((1, 5, 3), largest, I2)
     total[..., 1] -= 1
-    disparity = np.empty((1, 5), F4)
-    kernels.winners(total, -1, 0, disparity, np.empty((kernels.BANDS, 2, 5), np.int32))
+    disparity, clear = np.empty((2, 1, 5), F4)
+    kernels.winners(total, -1, 0, disparity, clear, np.empty((kernels.BANDS, 2, 5), np.int32))
     np.testing.assert_array_equal(disparity, 0)
 
 

@@ -350,13 +350,13 @@ def reset_path(path):
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def winners(total, first, least_gap, disparity, scratch):
+def winners(total, first, least_gap, disparity, clear, scratch):
     """
     Winner-takes-all with left-right consistency on the coarse grid.
 
     Writes disparity (coarse nodes, V-fit between neighbors, NaN where the right image prefers
-    another left node by more than one, or where a disparity more than REPETITION nodes away costs
-    less than least_gap more). scratch int32 (BANDS, 2, w).
+    another left node by more than one), and clear, float32: 1, or 0 where a disparity more than
+    REPETITION nodes away costs less than least_gap more. scratch int32 (BANDS, 2, w).
 
     """
     rows, columns, depth = total.shape
@@ -379,6 +379,7 @@ def winners(total, first, least_gap, disparity, scratch):
                     if rise > 0:
                         fraction = F4(0.5) * F4(line[at - 1] - line[at + 1]) / F4(rise)
                 disparity[y, x] = F4(first + at) + fraction
+                clear[y, x] = F4(1)
                 if least_gap > 0:
                     rival_cost = least + least_gap
                     for d in range(max(at - REPETITION, 0)):
@@ -386,7 +387,7 @@ def winners(total, first, least_gap, disparity, scratch):
                     for d in range(at + REPETITION + 1, depth):
                         rival_cost = min(rival_cost, line[d])
                     if rival_cost < least + least_gap:
-                        disparity[y, x] = np.nan
+                        clear[y, x] = F4(0)
                 arg_left[x] = first + at
                 right = x - (first + at)
                 if 0 <= right < columns:

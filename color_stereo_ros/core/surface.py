@@ -416,7 +416,8 @@ class CoarseSearch:
     SURROUNDINGS = 9  # nodes: brighter than these is texture
     CAP, NEUTRAL = np.int16(160), np.int16(80)
     SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
-    CLEAR = 1.5  # large steps: by less, a repetition of the pattern loses to the neighbors' say only
+    CLEAR = 1.0  # large steps: by less, a repetition of the pattern loses to the neighbors' say only
+    REGION, CLEAR_SHARE = (41, 41), 0.5  # nodes; where this share is not clear, nothing is
 
     def __init__(self, nodes, width, limits, smoothness, texture, repeats, arena):
         """Allocate the cost volume of a half grid of `nodes` under an image of `width` px."""
@@ -443,6 +444,7 @@ class CoarseSearch:
         self.column_scratch = arena.empty((2, w, depth + 2), np.int16)
         self.lowest = arena.empty((w,), np.int16)
         self.disparity = arena.empty((h, w), F4)
+        self.clear = arena.empty((h, w), F4)
         self.best = arena.empty((kernels.BANDS, 2, w), np.int32)
 
     def fill_texture(self, out):
@@ -477,7 +479,10 @@ class CoarseSearch:
         kernels.sgm_rows(self.cost, *self.penalties, self.total, self.row_scratch)
         kernels.sgm_columns(self.cost, *self.penalties, self.total, self.column_scratch,
                             self.lowest)
-        kernels.winners(self.total, self.first, self.least_gap, self.disparity, self.best)
+        kernels.winners(self.total, self.first, self.least_gap, self.disparity, self.clear,
+                        self.best)
+        if self.least_gap > 0:
+            self.disparity[cv2.blur(self.clear, self.REGION) < self.CLEAR_SHARE] = np.nan
         return self.disparity
 
 
