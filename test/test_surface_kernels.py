@@ -191,7 +191,8 @@ def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_riva
         first, depth, gap):
     total = np.random.default_rng(7).integers(0, 30, (6, 17, depth)).astype(I2)
     disparity, clear = np.empty((2, 6, 17), F4)
-    kernels.winners(total, first, gap, disparity, clear, np.empty((kernels.BANDS, 2, 17), np.int32))
+    kernels.winners(total, first, gap, disparity, clear,
+                    np.empty((kernels.BANDS, 2, 17), np.int32))
     expected = naive.winners(total.astype(int), first, gap)
     np.testing.assert_allclose(disparity, expected[0], atol=1e-5)
     np.testing.assert_array_equal(clear, expected[1])

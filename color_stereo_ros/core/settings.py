@@ -107,7 +107,8 @@ class ColorSettings(Group):
         'automatic', 'separate: each camera has gains of its own; shared: two '
         'cameras of one type, the same gains for both (most precise); automatic: shared unless '
         'they differ clearly (surface method: by 12 %, and only under hue_field, wave_field and '
-        'pseudo_noise, of which both cameras see all hues; paper method: by 20 to 35 %)', choices=('automatic', 'shared', 'separate'))
+        'pseudo_noise, of which both cameras see all hues; paper method: by 20 to 35 %)',
+        choices=('automatic', 'shared', 'separate'))
     zero_weakest: bool = setting(
         True, 'paper method: set the weakest component to zero (right for sweep, bright_sweep '
         'and hue_field, where one component is always zero)')

@@ -416,7 +416,7 @@ class CoarseSearch:
     SURROUNDINGS = 9  # nodes: brighter than these is texture
     CAP, NEUTRAL = np.int16(160), np.int16(80)
     SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
-    CLEAR = 1.0  # large steps: by less, a repetition of the pattern loses to the neighbors' say only
+    CLEAR = 1.0       # large steps: by less, a repetition of the pattern loses by chance
     REGION, CLEAR_SHARE = (41, 41), 0.5  # nodes; where this share is not clear, nothing is
 
     def __init__(self, nodes, width, limits, smoothness, texture, repeats, arena):
