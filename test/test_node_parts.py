@@ -290,6 +290,14 @@ def test_a_second_process_helps_to_compile_until_the_kernels_are_there(
     assert [helper.killed for helper in helpers] == [True] * helps
 
 
+def test_a_system_that_allows_no_further_process_costs_the_helper_only(monkeypatch):
+    def refuse(*_, **__):
+        raise BlockingIOError('no more processes')
+
+    monkeypatch.setattr(subprocess, 'Popen', refuse)
+    assert worker_module.warm_up.start_helper() is None
+
+
 def test_the_helper_goes_through_all_stages():
     """Without the compiler: that takes a second instead of half a minute."""
     environment = {**os.environ, 'NUMBA_DISABLE_JIT': '1'}

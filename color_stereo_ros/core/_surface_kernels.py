@@ -948,22 +948,12 @@ def add_color_sums(left_u, left_v, right_u, right_v, d, misfit, worst, rows, col
             t = place - F4(i)
             u = right_u[y, i] + t * (right_u[y, i + 1] - right_u[y, i])
             v = right_v[y, i] + t * (right_v[y, i + 1] - right_v[y, i])
-            goal_u, goal_v = left_u[y, x], left_v[y, x]
-            normal[0, 0] += u * u
-            normal[0, 1] += u * v
-            normal[1, 0] += u * v
-            normal[1, 1] += v * v
-            normal[0, 2] += u
-            normal[2, 0] += u
-            normal[1, 2] += v
-            normal[2, 1] += v
-            normal[2, 2] += F4(1)
-            target[0, 0] += u * goal_u
-            target[0, 1] += u * goal_v
-            target[1, 0] += v * goal_u
-            target[1, 1] += v * goal_v
-            target[2, 0] += goal_u
-            target[2, 1] += goal_v
+            color, goal = (u, v, F4(1)), (left_u[y, x], left_v[y, x])
+            for row in range(3):
+                for column in range(3):
+                    normal[row, column] += color[row] * color[column]
+                for column in range(2):
+                    target[row, column] += color[row] * goal[column]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)

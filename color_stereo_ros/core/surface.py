@@ -120,8 +120,8 @@ class SurfaceMethod:
         # seeds that nothing compares count as fitting, as their cost does
         self.misfit = arena.full(shape, np.nan if settings.matching.refinements else 1.0, F4)
         self.evidence = arena.empty((len(MODEL) - 1, *self.nodes), F4)
-        self.balance = arena.zeros((2, *(max(1, count // BALANCE_STEP) for count in self.nodes)),
-                                F4)
+        samples = (max(1, count // BALANCE_STEP) for count in self.nodes)
+        self.balance = arena.zeros((2, *samples), F4)
         self.hidden = arena.zeros(shape, bool)
         self.owners = arena.empty((kernels.BANDS, width), np.int32)
         self.status = arena.zeros(shape, np.uint8)

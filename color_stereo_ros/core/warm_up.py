@@ -34,9 +34,17 @@ def is_cold():
 
 
 def start_helper():
-    """Return a process that compiles the last kernels; kill it when it is of no more use."""
-    return subprocess.Popen([sys.executable, '-m', __name__], stdin=subprocess.DEVNULL,
-                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    """
+    Return a process that compiles the last kernels; kill it when it is of no more use.
+
+    None where the system allows no further process: then the kernels take longer, no more.
+
+    """
+    try:
+        return subprocess.Popen([sys.executable, '-m', __name__], stdin=subprocess.DEVNULL,
+                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    except OSError:
+        return None
 
 
 def main():
