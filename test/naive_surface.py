@@ -2,13 +2,14 @@
 """
 Loop-only twins of the surface method's kernels, in float64, written from their formulas.
 
-One function for every parallel kernel of `_surface_kernels`, with its name; helpers without a
-twin of their own name are part of these. Twins return what the kernels write.
+One function for every parallel kernel of `_surface_kernels` and `_coarse_kernels`, with its name;
+helpers without a twin of their own name are part of these. Twins return what the kernels write.
 
 """
 
 import math
 
+from color_stereo_ros.core import _coarse_kernels as coarse_kernels
 from color_stereo_ros.core import _surface_kernels as kernels
 from color_stereo_ros.core.types import Status
 import numpy as np
@@ -129,15 +130,24 @@ def path_costs(costs, small, large):
     return path
 
 
-def sgm_rows(cost, small, large):
-    """Return the sum of the two horizontal path costs."""
-    return np.stack([path_costs(row, small, large) + path_costs(row[::-1], small, large)[::-1]
-                     for row in cost])
+def sgm_paths(cost, small, large):
+    """Return the sum of the path costs from left, right, above and below, cost (h, w, D)."""
+    turned = cost.transpose(1, 0, 2)
+    return (np.stack([both_ways(row, small, large) for row in cost])
+            + np.stack([both_ways(column, small, large) for column in turned], axis=1))
 
 
-def sgm_columns(cost, small, large):
-    """Return the sum of the two vertical path costs."""
-    return sgm_rows(cost.transpose(1, 0, 2), small, large).transpose(1, 0, 2)
+def both_ways(costs, small, large):
+    """Return the sum of the path costs along a path and back."""
+    return path_costs(costs, small, large) + path_costs(costs[::-1], small, large)[::-1]
+
+
+def add_turned(turned, total):
+    """Return total (h, w, D) + turned (w, h, D)."""
+    out = total.copy()
+    for y, x in nodes_of(total.shape[:2]):
+        out[y, x] += turned[x, y]
+    return out
 
 
 def winners(total, first, least_gap):
@@ -148,7 +158,7 @@ def winners(total, first, least_gap):
         best = [int(np.argmin(line)) for line in total[y]]
         for x, at in enumerate(best):
             rivals = [cost for k, cost in enumerate(total[y, x])
-                      if abs(k - at) > kernels.REPETITION]
+                      if abs(k - at) > coarse_kernels.REPETITION]
             clear[y, x] = min(rivals, default=math.inf) >= total[y, x, at] + least_gap
             right = x - (first + at)
             if not 0 <= right < total.shape[1]:

@@ -4,7 +4,8 @@
 from concurrent.futures import ThreadPoolExecutor
 
 from color_stereo_ros.core import CameraModel, ColorStereo, Status, StereoCalibration
-from color_stereo_ros.core.surface import Arena, CoarseSearch
+from color_stereo_ros.core._arena import Arena
+from color_stereo_ros.core.coarse_search import CoarseSearch
 import numba
 import numpy as np
 import pytest
@@ -237,8 +238,9 @@ def test_images_too_small_to_measure_do_no_harm(width, height):
 
 
 def test_the_search_never_leaves_the_image():
-    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), 1.0, 1.0, False, Arena())
-    assert search.cost.shape[2] <= 2 * search.cost.shape[1] + 1
+    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), 1.0, 1.0, False, 3.0, Arena())
+    _, depth, columns = search.upright.cost.shape
+    assert depth <= 2 * columns + 1
 
 
 def test_a_higher_confidence_leaves_fewer_and_better_ranges(step):

@@ -13,7 +13,10 @@ from pathlib import Path
 import subprocess
 import sys
 
+from color_stereo_ros.core import _coarse_kernels as coarse_kernels
 from color_stereo_ros.core import _surface_kernels as kernels, Status, surface
+from color_stereo_ros.core._arena import Arena
+from color_stereo_ros.core.coarse_search import CoarseSearch
 import naive_surface as naive
 import numpy as np
 import pytest
@@ -76,8 +79,9 @@ def unknown(count):
 
 
 def test_every_parallel_kernel_has_a_twin():
-    tree = ast.parse(inspect.getsource(kernels))
-    parallel = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)
+    parallel = [node.name for module in (kernels, coarse_kernels)
+                for node in ast.parse(inspect.getsource(module)).body
+                if isinstance(node, ast.FunctionDef)
                 and any('parallel=True' in ast.unparse(mark) for mark in node.decorator_list)]
     assert parallel
     assert [name for name in parallel if not hasattr(naive, name)] == []
@@ -126,11 +130,11 @@ def test_coarse_colors_are_means_weighted_by_brightness(step_x, step_y, left):
     rng = np.random.default_rng(3)
     u, v = rng.uniform(-2, 2, (2, *SHAPE)).astype(F4)
     s = rng.uniform(0, 60, SHAPE).astype(F4)
-    scale, knee = surface.CoarseSearch.SCALE, surface.CoarseSearch.KNEE
+    scale, knee = CoarseSearch.SCALE, CoarseSearch.KNEE
     out = np.empty((4, ROWS // step_y, COLUMNS // step_x), I2)
     brightness = np.empty(out.shape[1:], F4)
-    kernels.reduce_colors(u, v, s, PAD, left, step_x, step_y, surface.SOFT, scale, knee, out[0],
-                          out[1], brightness, out[3])
+    coarse_kernels.reduce_colors(u, v, s, PAD, left, step_x, step_y, surface.SOFT, scale, knee,
+                                 out[0], out[1], brightness, out[3])
     expected = naive.reduce_colors(u.astype(float), v, s.astype(float), PAD, left, step_x, step_y,
                                    float(surface.SOFT), float(scale), float(knee), out.shape[1:])
     np.testing.assert_allclose(brightness, expected[2], rtol=1e-5)
@@ -148,52 +152,55 @@ def coarse_pair(seed, rows=5, columns=9):
                       rng.integers(0, 17, (rows, columns))]).astype(I2) for _ in range(2)]
 
 
-def compiled_volume(left, right, first, depth):
-    """Return the cost volume of the kernel."""
+def searched(left, right, first, depth, small=0, large=0):
+    """Return the coarse search after the costs and paths of the kernels."""
     rows, columns = left.shape[1:]
-    margin = columns + abs(first) + depth
-    mirrored = np.zeros((4, rows, columns + 2 * margin), I2)
-    mirrored[:, :, margin:margin + columns] = right[:, :, ::-1]
-    search = surface.CoarseSearch
-    cost = np.empty((rows, columns, depth), I2)
-    kernels.cost_volume(*left, *mirrored, margin + columns - 1 + first, search.CAP,
-                        search.NEUTRAL, cost,
-                        np.empty((kernels.BANDS, 4, columns, depth), I2))
-    return cost
+    search = CoarseSearch((2 * rows, 2 * columns), 0, (4 * first, 4 * first), 1.0, 1.0, False,
+                          surface.SOFT, Arena())
+    search.first, search.penalties = first, (I2(small), I2(large))
+    search.allocate(rows, columns, depth, Arena())
+    search.upright.left[:] = left
+    search.upright.right[:, :, search.margin:search.margin + columns] = right
+    search.turn()
+    search.aggregate()
+    return search
 
 
-@pytest.mark.parametrize('first, depth', [(0, 6), (-5, 7), (-20, 4)])
-def test_cost_volume_is_exact(first, depth):
-    left, right = coarse_pair(5)
-    search = surface.CoarseSearch
-    np.testing.assert_array_equal(
-        compiled_volume(left, right, first, depth),
-        naive.cost_volume(left, right, first, depth, int(search.CAP), int(search.NEUTRAL)))
+@pytest.mark.parametrize('rows, first, depth', [(5, 0, 6), (6, -5, 7), (5, -20, 4)])
+def test_cost_volumes_of_both_layouts_are_exact(rows, first, depth):
+    left, right = coarse_pair(5, rows)
+    search = searched(left, right, first, depth)
+    expected = naive.cost_volume(left, right, first, depth, int(search.CAP), int(search.NEUTRAL))
+    np.testing.assert_array_equal(search.upright.cost.transpose(0, 2, 1), expected)
+    np.testing.assert_array_equal(search.turned.cost.transpose(2, 0, 1)[:rows], expected)
 
 
+@pytest.mark.parametrize('rows', [5, 6])
 @pytest.mark.parametrize('small, large', [(60, 600), (0, 0), (600, 6000)])
-def test_semi_global_paths_are_exact(small, large):
-    cost = compiled_volume(*coarse_pair(6), -3, 6)
-    rows, columns, depth = cost.shape
-    total = np.empty(cost.shape, I2)
-    kernels.sgm_rows(cost, I2(small), I2(large), total,
-                     np.empty((kernels.BANDS, 2, depth + 2), I2))
-    expected = naive.sgm_rows(cost.astype(int), small, large)
-    np.testing.assert_array_equal(total, expected)
-    kernels.sgm_columns(cost, I2(small), I2(large), total,
-                        np.empty((2, columns, depth + 2), I2), np.empty(columns, I2))
-    expected += naive.sgm_columns(cost.astype(int), small, large)
-    np.testing.assert_array_equal(total, expected)
+def test_semi_global_paths_are_exact(rows, small, large):
+    search = searched(*coarse_pair(6, rows), -3, 6, small, large)
+    cost = search.upright.cost.transpose(0, 2, 1).astype(int)
+    np.testing.assert_array_equal(search.upright.total.transpose(0, 2, 1),
+                                  naive.sgm_paths(cost, small, large))
+
+
+def test_turned_costs_are_added_where_they_belong():
+    rng = np.random.default_rng(8)
+    total = rng.integers(0, 9000, (5, 3, 70)).astype(I2)
+    turned = rng.integers(0, 9000, (70, 3, 6)).astype(I2)
+    expected = naive.add_turned(turned.transpose(0, 2, 1)[:, :5], total.transpose(0, 2, 1))
+    coarse_kernels.add_turned(turned.reshape(-1).view(np.int32), 70, total)
+    np.testing.assert_array_equal(total.transpose(0, 2, 1), expected)
 
 
 @pytest.mark.parametrize('first, depth, gap', [(-3, 7, 0), (0, 1, 0), (2, 5, 0), (-3, 12, 2)])
 def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_rival(
         first, depth, gap):
-    total = np.random.default_rng(7).integers(0, 30, (6, 17, depth)).astype(I2)
+    total = np.random.default_rng(7).integers(0, 30, (6, depth, 17)).astype(I2)
     disparity, clear = np.empty((2, 6, 17), F4)
-    kernels.winners(total, first, gap, disparity, clear,
-                    np.empty((kernels.BANDS, 2, 17), np.int32))
-    expected = naive.winners(total.astype(int), first, gap)
+    coarse_kernels.winners(total, first, gap, disparity, clear,
+                           np.empty((kernels.BANDS, 2, 17), np.int32))
+    expected = naive.winners(total.transpose(0, 2, 1).astype(int), first, gap)
     np.testing.assert_allclose(disparity, expected[0], atol=1e-5)
     np.testing.assert_array_equal(clear, expected[1])
     assert clear.all() == (gap == 0)
@@ -202,13 +209,15 @@ def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_riva
 
 def test_the_largest_path_costs_leave_room_for_the_disparity():
     # four paths, each at most nine capped pixels and the largest penalty that settings allow
-    search = surface.CoarseSearch((24, 32), 64, (2, 20), 40.0, 1.0, False, surface.Arena())
+    search = CoarseSearch((24, 32), 64, (2, 20), 40.0, 1.0, False, surface.SOFT, Arena())
     largest = 4 * (9 * int(search.CAP) + int(search.penalties[1]))
     assert largest < 2 ** 15
-    total = np.full((1, 5, 3), largest, I2)
-    total[..., 1] -= 1
+    assert largest // 4 < coarse_kernels.GUARD
+    total = np.full((1, 3, 5), largest, I2)
+    total[:, 1] -= 1
     disparity, clear = np.empty((2, 1, 5), F4)
-    kernels.winners(total, -1, 0, disparity, clear, np.empty((kernels.BANDS, 2, 5), np.int32))
+    coarse_kernels.winners(total, -1, 0, disparity, clear,
+                           np.empty((kernels.BANDS, 2, 5), np.int32))
     np.testing.assert_array_equal(disparity, 0)
 
 
@@ -218,7 +227,7 @@ def test_coarse_disparities_seed_planes(factor):
     coarse = rng.normal(0, 3, (ROWS // factor, COLUMNS // factor)).astype(F4)
     coarse[rng.random(coarse.shape) < 0.2] = np.nan
     out = unknown(3)
-    kernels.seed_planes(coarse, factor, F4(-0.5), ROWS, COLUMNS, *out)
+    coarse_kernels.seed_planes(coarse, factor, F4(-0.5), ROWS, COLUMNS, *out)
     expected = naive.seed_planes(coarse.astype(float), factor, -0.5, ROWS, COLUMNS)
     np.testing.assert_allclose(out[:, *INNER], expected, rtol=1e-4, atol=1e-4)
     assert np.isnan(out[0, :PAD]).all()

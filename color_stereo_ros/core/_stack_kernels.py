@@ -24,20 +24,38 @@ def stack_row():
     return np.empty(LENGTH, np.float32)
 
 
-@intrinsic
-def _stack_pointer(typing_context):
-    """Return a pointer to LENGTH floats in the frame of the caller."""
-    def generate(context, builder, signature, args):
-        kind = context.get_value_type(types.float32)
-        place = cgutils.alloca_once(builder, kind, size=LENGTH)
-        place.align = 64
-        return place
+def stack_integers():
+    """Return the like of int16."""
+    return np.empty(LENGTH, np.int16)
 
-    return types.CPointer(types.float32)(), generate
+
+def _pointer_to(number):
+    """Return an intrinsic: a pointer to LENGTH numbers in the frame of the caller."""
+    @intrinsic
+    def pointer(typing_context):
+        def generate(context, builder, signature, args):
+            kind = context.get_value_type(number)
+            place = cgutils.alloca_once(builder, kind, size=LENGTH)
+            place.align = 64
+            return place
+
+        return types.CPointer(number)(), generate
+
+    return pointer
+
+
+_floats, _integers = _pointer_to(types.float32), _pointer_to(types.int16)
 
 
 @overload(stack_row, inline='always')  # else the frame would be gone when the array is used
 def _compiled_stack_row():
     def row():
-        return carray(_stack_pointer(), LENGTH)
+        return carray(_floats(), LENGTH)
+    return row
+
+
+@overload(stack_integers, inline='always')
+def _compiled_stack_integers():
+    def row():
+        return carray(_integers(), LENGTH)
     return row

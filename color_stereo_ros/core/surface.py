@@ -23,8 +23,9 @@ import numpy as np
 
 from . import _surface_kernels as kernels
 from ._arena import Arena
+from ._coarse_kernels import seed_planes
+from .coarse_search import CoarseSearch
 from .rectification import inside_image, raw_coordinates
-from .triangulation import search_interval
 from .types import Measurement
 
 F4 = np.float32
@@ -109,7 +110,8 @@ class SurfaceMethod:
             self.model[0, 0] += ODDS_SLOW
         self.coarse = CoarseSearch(self.nodes, width, limits,
                                    prior.smoothness * settings.matching.smoothness,
-                                   prior.texture * settings.matching.texture, prior.repeats, arena)
+                                   prior.texture * settings.matching.texture, prior.repeats, SOFT,
+                                   arena)
         self.tiles = tiles_of(shape)
         self.planes = [arena.full(shape, value, F4) for value in (np.nan, 0, 0)]
         self.spare = [arena.empty(shape, F4) for _ in self.planes]
@@ -205,7 +207,7 @@ class SurfaceMethod:
             plane[rows:] = nothing
             plane[:, columns:] = nothing
         # right coarse nodes are averages of columns that lie half a pixel further right
-        kernels.seed_planes(found, self.coarse.factor, F4(-0.5), *self.nodes, *self.planes)
+        seed_planes(found, self.coarse.factor, F4(-0.5), *self.nodes, *self.planes)
 
     def linearize(self, tiles):
         """Compare the nodes of some tiles with the places that their disparities point to."""
@@ -406,84 +408,6 @@ class Prior:
 
 APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
 SLOW = 'sweep', 'bright_sweep', 'sine'
-
-
-class CoarseSearch:
-    """Semi-global search over all disparities on the coarse grid."""
-
-    SCALE = F4(64.0)  # int16 steps per unit of chromaticity
-    KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
-    SURROUNDINGS = 9  # nodes: brighter than these is texture
-    CAP, NEUTRAL = np.int16(160), np.int16(80)
-    SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
-    CLEAR = 1.0       # large steps: by less, a repetition of the pattern loses by chance
-    REGION, CLEAR_SHARE = (41, 41), 0.5  # nodes; where this share is not clear, nothing is
-
-    def __init__(self, nodes, width, limits, smoothness, texture, repeats, arena):
-        """Allocate the cost volume of a half grid of `nodes` under an image of `width` px."""
-        self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
-        h, w = (max(1, count // self.factor) for count in nodes)
-        step = 2 * self.factor
-        # beyond the image there is nothing to find, and `winners` counts to 2047 nodes only
-        first, last = (int(np.clip(limit, 1 - w, w - 1)) for limit in search_interval(
-            (limits[0] / step, limits[1] / step)))
-        self.first, depth = first - 1, last - first + 3
-        # four path costs, each at most nine capped nodes and one penalty, must fit into int16
-        self.penalties = [np.int16(round(min(smoothness, 10.0) * penalty))
-                          for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
-        self.least_gap = round(self.CLEAR * int(self.penalties[1])) if repeats else 0
-        self.texture = F4(self.SCALE * texture)
-        self.left, self.right = arena.zeros((2, 4, h, w), np.int16)
-        self.brightness = arena.zeros((h, w), F4)
-        # column x - d of the right image lies at margin + (w - 1) - (x - d)
-        self.margin = w + max(abs(self.first), abs(self.first + depth))
-        self.reversed = arena.zeros((4, h, w + 2 * self.margin), np.int16)
-        self.cost, self.total = arena.empty((2, h, w, depth), np.int16)
-        self.cost_scratch = arena.empty((kernels.BANDS, 4, w, depth), np.int16)
-        self.row_scratch = arena.empty((kernels.BANDS, 2, depth + 2), np.int16)
-        self.column_scratch = arena.empty((2, w, depth + 2), np.int16)
-        self.lowest = arena.empty((w,), np.int16)
-        self.disparity = arena.empty((h, w), F4)
-        self.clear = arena.empty((h, w), F4)
-        self.best = arena.empty((kernels.BANDS, 2, w), np.int32)
-
-    def fill_texture(self, out):
-        """Write log brightness against its surroundings, int16: printed or natural texture."""
-        level = np.log(self.brightness + self.KNEE)
-        level -= cv2.blur(level, (self.SURROUNDINGS, self.SURROUNDINGS))
-        np.multiply(np.clip(level, -1, 1), self.texture, out=out, casting='unsafe')
-
-    def search(self, left, right):
-        """
-        Search one pair.
-
-        Parameters
-        ----------
-        left, right : View
-
-        Returns
-        -------
-        disparity : numpy.ndarray, float32, shape (h, w)
-            In coarse nodes; NaN where left and right disagree.
-
-        """
-        factor, w = self.factor, self.left.shape[2]
-        for view, first, step, out in ((left, kernels.PAD, factor, self.left),
-                                       (right, 0, 2 * factor, self.right)):
-            kernels.reduce_colors(view.u, view.v, view.s, kernels.PAD, first, step, factor, SOFT,
-                                  self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3])
-            self.fill_texture(out[2])
-        self.reversed[:, :, self.margin:self.margin + w] = self.right[:, :, ::-1]
-        kernels.cost_volume(*self.left, *self.reversed, self.margin + w - 1 + self.first, self.CAP,
-                            self.NEUTRAL, self.cost, self.cost_scratch)
-        kernels.sgm_rows(self.cost, *self.penalties, self.total, self.row_scratch)
-        kernels.sgm_columns(self.cost, *self.penalties, self.total, self.column_scratch,
-                            self.lowest)
-        kernels.winners(self.total, self.first, self.least_gap, self.disparity, self.clear,
-                        self.best)
-        if self.least_gap > 0:
-            self.disparity[cv2.blur(self.clear, self.REGION) < self.CLEAR_SHARE] = np.nan
-        return self.disparity
 
 
 def channel_levels(image, color):

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The coarse search of the surface method: semi-global, over all disparities, on few nodes."""
+
+import math
+
+import cv2
+import numpy as np
+
+from . import _coarse_kernels as kernels
+from ._surface_kernels import BANDS, PAD
+from .triangulation import search_interval
+
+F4 = np.float32
+
+
+class CoarseSearch:
+    """
+    Semi-global search over all disparities on the coarse grid.
+
+    Parameters
+    ----------
+    nodes : (int, int)
+        Rows and columns of the half grid.
+    width : int
+        Of the image, px.
+    limits : (float, float)
+        Smallest and largest disparity, px.
+    smoothness : float
+        Factor of the penalties for steps.
+    texture : float
+        Weight of brightness beside color.
+    repeats : bool
+        The same colors may come again within the search.
+    soft : float
+        What was added to the brightness before chromaticities were divided by it, DN.
+    arena : Arena
+
+    """
+
+    SCALE = F4(64.0)  # int16 steps per unit of chromaticity
+    KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
+    SURROUNDINGS = 9  # nodes: brighter than these is texture
+    CAP, NEUTRAL = np.int16(160), np.int16(80)
+    SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
+    CLEAR = 1.0       # large steps: by less, a repetition of the pattern loses by chance
+    REGION, CLEAR_SHARE = (41, 41), 0.5  # nodes; where this share is not clear, nothing is
+
+    def __init__(self, nodes, width, limits, smoothness, texture, repeats, soft, arena):
+        """Allocate the volumes."""
+        self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
+        h, w = (max(1, count // self.factor) for count in nodes)
+        step = 2 * self.factor
+        # beyond the image there is nothing to find, and `winners` counts to 2047 nodes only
+        first, last = (int(np.clip(limit, 1 - w, w - 1)) for limit in search_interval(
+            (limits[0] / step, limits[1] / step)))
+        self.first, depth = first - 1, last - first + 3
+        # four path costs, each at most nine capped nodes and one penalty, must fit into int16
+        self.penalties = [np.int16(round(min(smoothness, 10.0) * penalty))
+                          for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
+        self.least_gap = round(self.CLEAR * int(self.penalties[1])) if repeats else 0
+        self.texture = F4(self.SCALE * texture)
+        self.soft = F4(soft)
+        self.allocate(h, w, depth, arena)
+
+    def allocate(self, h, w, depth, arena):
+        """Allocate the volumes of a coarse grid of h x w nodes."""
+        self.brightness = arena.zeros((h, w), F4)
+        self.margin = w + max(abs(self.first), abs(self.first + depth))
+        self.upright = Volumes(h, w, depth, (0, self.margin), arena)
+        # an even number of lanes, of which `add_turned` fetches two at a time
+        self.turned = Volumes(w, h + h % 2, depth, (self.margin, 0), arena)
+        self.pairs = self.turned.total.reshape(-1).view(np.int32)
+        self.path_scratch = arena.empty(
+            (2, 2 * depth + 3, max(each.cost.shape[2] for each in (self.upright, self.turned))),
+            np.int16)
+        self.disparity, self.clear = arena.empty((2, h, w), F4)
+        self.best = arena.empty((BANDS, 2, w), np.int32)
+
+    def search(self, left, right):
+        """
+        Search one pair.
+
+        Parameters
+        ----------
+        left, right : View
+
+        Returns
+        -------
+        disparity : numpy.ndarray, float32, shape (h, w)
+            In coarse nodes; NaN where left and right disagree.
+
+        """
+        self.fill_colors(left, right)
+        self.turn()
+        self.aggregate()
+        kernels.winners(self.upright.total, self.first, self.least_gap, self.disparity, self.clear,
+                        self.best)
+        if self.least_gap > 0:
+            self.disparity[cv2.blur(self.clear, self.REGION) < self.CLEAR_SHARE] = np.nan
+        return self.disparity
+
+    def aggregate(self):
+        """Compare all nodes at all disparities; follow the semi-global paths through the costs."""
+        upright, turned = self.upright, self.turned
+        columns, lanes = upright.cost.shape[2], turned.cost.shape[2]
+        # column x - d of the right image lies margin further on
+        width, start = columns + 2 * self.margin, self.margin - self.first
+        kernels.cost_volume(upright.left, upright.flat_right, start, width, 1, self.CAP,
+                            self.NEUTRAL, upright.cost, upright.scratch)
+        kernels.cost_volume(turned.left, turned.flat_right, start * lanes, lanes, lanes, self.CAP,
+                            self.NEUTRAL, turned.cost, turned.scratch)
+        kernels.sgm_paths(upright.cost, turned.cost, *self.penalties, upright.total, turned.total,
+                          self.path_scratch)
+        kernels.add_turned(self.pairs, columns, upright.total)
+
+    def fill_colors(self, left, right):
+        """Write u, v, texture and trust of both views."""
+        inner = np.s_[:, :, self.margin:self.margin + self.disparity.shape[1]]
+        for view, first, step, out in ((left, PAD, self.factor, self.upright.left),
+                                       (right, 0, 2 * self.factor, self.upright.right[inner])):
+            kernels.reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor, self.soft,
+                                  self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3])
+            self.fill_texture(out[2])
+
+    def turn(self):
+        """Copy the colors into the other layout."""
+        h, w = self.disparity.shape
+        inside = slice(self.margin, self.margin + w)
+        for upright, turned in ((self.upright.left, self.turned.left),
+                                (self.upright.right[:, :, inside], self.turned.right[:, inside])):
+            for plane, turned_plane in zip(upright, turned):
+                cv2.transpose(plane, dst=turned_plane[:, :h])
+            turned[:, :, h:] = turned[:, :, h - 1:h]  # borders are repeated
+
+    def fill_texture(self, out):
+        """Write log brightness against its surroundings, int16: printed or natural texture."""
+        level = np.log(self.brightness + self.KNEE)
+        level -= cv2.blur(level, (self.SURROUNDINGS, self.SURROUNDINGS))
+        np.multiply(np.clip(level, -1, 1), self.texture, out=out, casting='unsafe')
+
+
+class Volumes:
+    """Colors, costs and path costs in one layout; see `_coarse_kernels`."""
+
+    def __init__(self, lines, lanes, depth, margin, arena):
+        """Allocate; margin: lines and lanes without color around the right image."""
+        self.left = arena.zeros((4, lines, lanes), np.int16)
+        self.right = arena.zeros((4, lines + 2 * margin[0], lanes + 2 * margin[1]), np.int16)
+        self.flat_right = self.right.reshape(4, -1)
+        self.cost = arena.empty((lines, depth, lanes), np.int16)
+        self.total = arena.empty((lines, depth, lanes), np.int16)
+        self.scratch = arena.empty((BANDS, 4, depth, lanes + 2), np.int16)
