@@ -16,6 +16,7 @@ import sys
 from color_stereo_ros.core import _coarse_kernels as coarse_kernels
 from color_stereo_ros.core import _surface_kernels as kernels, Status, surface
 from color_stereo_ros.core._arena import Arena
+from color_stereo_ros.core._band_kernels import BANDS
 from color_stereo_ros.core.coarse_search import CoarseSearch
 import naive_surface as naive
 import numpy as np
@@ -82,15 +83,9 @@ def test_every_parallel_kernel_has_a_twin():
     parallel = [node.name for module in (kernels, coarse_kernels)
                 for node in ast.parse(inspect.getsource(module)).body
                 if isinstance(node, ast.FunctionDef)
-                and any('parallel=True' in ast.unparse(mark) for mark in node.decorator_list)]
+                and any('banded' in ast.unparse(mark) for mark in node.decorator_list)]
     assert parallel
     assert [name for name in parallel if not hasattr(naive, name)] == []
-
-
-def test_bands_cover_everything_once():
-    for size in (0, 1, 7, 8, 61):
-        bands = [kernels.band(k, kernels.BANDS, size) for k in range(kernels.BANDS)]
-        assert [i for first, last in bands for i in range(first, last)] == list(range(size))
 
 
 @pytest.mark.parametrize('height, width', [(5, 9), (2, 2), (16, 3)])
@@ -199,7 +194,7 @@ def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_riva
     total = np.random.default_rng(7).integers(0, 30, (6, depth, 17)).astype(I2)
     disparity, clear = np.empty((2, 6, 17), F4)
     coarse_kernels.winners(total, first, gap, disparity, clear,
-                           np.empty((kernels.BANDS, 2, 17), np.int32))
+                           np.empty((BANDS, 2, 17), np.int32))
     expected = naive.winners(total.transpose(0, 2, 1).astype(int), first, gap)
     np.testing.assert_allclose(disparity, expected[0], atol=1e-5)
     np.testing.assert_array_equal(clear, expected[1])
@@ -217,7 +212,7 @@ def test_the_largest_path_costs_leave_room_for_the_disparity():
     total[:, 1] -= 1
     disparity, clear = np.empty((2, 1, 5), F4)
     coarse_kernels.winners(total, -1, 0, disparity, clear,
-                           np.empty((kernels.BANDS, 2, 5), np.int32))
+                           np.empty((BANDS, 2, 5), np.int32))
     np.testing.assert_array_equal(disparity, 0)
 
 
@@ -432,7 +427,7 @@ def test_hidden_nodes_lie_behind_more_trusted_ones():
     trust[np.isnan(shape[0])] = kernels.UNKNOWN
     hidden = np.zeros(SHAPE, bool)
     kernels.find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, surface.SEPARATE, hidden,
-                        np.empty((kernels.BANDS, WIDTH), np.int32))
+                        np.empty((BANDS, WIDTH), np.int32))
     expected = naive.find_hidden(shape, trust, ROWS, COLUMNS, WIDTH, float(surface.SEPARATE))
     assert hidden.any() and not hidden[INNER].all()
     np.testing.assert_array_equal(hidden[INNER], expected)

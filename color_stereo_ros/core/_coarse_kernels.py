@@ -12,10 +12,11 @@ path runs from line to line, so that all lanes, and all disparities, go through 
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from ._band_kernels import band, banded
 from ._stack_kernels import LENGTH, stack_integers
-from ._surface_kernels import band, BANDS, F4, FAST, I4, PAD
+from ._surface_kernels import F4, FAST, I4, PAD
 
 I2 = np.int16
 REPETITION = 2  # coarse nodes: what is nearer to the best disparity is the same match
@@ -23,8 +24,8 @@ GUARD = I2(8000)     # a path cost that loses against any other and leaves room 
 LARGEST = I2(32767)
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_s,
+@banded(fastmath=FAST)
+def reduce_colors(k, u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_s,
                   out_w):
     """
     Average step_y x step_x nodes, from (top, left) on, into one coarse node, quantized to int16.
@@ -36,31 +37,30 @@ def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, 
     """
     rows, columns = out_u.shape
     count = F4(step_x * step_y)
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, rows)
-        sums = np.empty((3, columns * step_x), F4)
-        sum_u, sum_v, sum_s = sums[0], sums[1], sums[2]
-        for y in range(first, last):
-            sums[:] = F4(0)
-            for j in range(top + y * step_y, top + (y + 1) * step_y):
-                us, vs = u[j, left:left + sum_s.size], v[j, left:left + sum_s.size]
-                totals = s[j, left:left + sum_s.size]
-                for i in range(sum_s.size):
-                    weight = totals[i] + soft
-                    sum_u[i] += us[i] * weight
-                    sum_v[i] += vs[i] * weight
-                    sum_s[i] += totals[i]
-            for x in range(columns):
-                color_u, color_v, light = F4(0), F4(0), F4(0)
-                for i in range(x * step_x, (x + 1) * step_x):
-                    color_u += sum_u[i]
-                    color_v += sum_v[i]
-                    light += sum_s[i]
-                norm = scale / (light + soft * count)
-                out_u[y, x] = I2(color_u * norm)
-                out_v[y, x] = I2(color_v * norm)
-                out_s[y, x] = light / count
-                out_w[y, x] = I2(min(F4(16), F4(16) * light / (knee * count)))
+    first, last = band(k, rows)
+    sums = np.empty((3, columns * step_x), F4)
+    sum_u, sum_v, sum_s = sums[0], sums[1], sums[2]
+    for y in range(first, last):
+        sums[:] = F4(0)
+        for j in range(top + y * step_y, top + (y + 1) * step_y):
+            us, vs = u[j, left:left + sum_s.size], v[j, left:left + sum_s.size]
+            totals = s[j, left:left + sum_s.size]
+            for i in range(sum_s.size):
+                weight = totals[i] + soft
+                sum_u[i] += us[i] * weight
+                sum_v[i] += vs[i] * weight
+                sum_s[i] += totals[i]
+        for x in range(columns):
+            color_u, color_v, light = F4(0), F4(0), F4(0)
+            for i in range(x * step_x, (x + 1) * step_x):
+                color_u += sum_u[i]
+                color_v += sum_v[i]
+                light += sum_s[i]
+            norm = scale / (light + soft * count)
+            out_u[y, x] = I2(color_u * norm)
+            out_v[y, x] = I2(color_v * norm)
+            out_s[y, x] = light / count
+            out_w[y, x] = I2(min(F4(16), F4(16) * light / (knee * count)))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -82,8 +82,8 @@ def cost_line(left_u, left_v, left_t, left_w, right_u, right_v, right_t, right_w
         out[i] = I2(neutral + (I2(I2(cost - neutral) * trust) >> I2(4)))
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def cost_volume(left, right, start, line_step, disparity_step, cap, neutral, cost, scratch):
+@banded()
+def cost_volume(k, left, right, start, line_step, disparity_step, cap, neutral, cost, scratch):
     """
     Fill a volume with costs summed over 3 x 3 coarse nodes (borders repeated).
 
@@ -93,21 +93,20 @@ def cost_volume(left, right, start, line_step, disparity_step, cap, neutral, cos
 
     """
     lines, depth, lanes = cost.shape
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, lines)
-        ring = scratch[k]
-        for line in range(first - 1, last + 1):
-            n = min(max(line, 0), lines - 1)
-            newest = ring[(line + 3) % 3]
+    first, last = band(k, lines)
+    ring = scratch[k]
+    for line in range(first - 1, last + 1):
+        n = min(max(line, 0), lines - 1)
+        newest = ring[(line + 3) % 3]
+        for d in range(depth):
+            at = start + n * line_step - d * disparity_step
+            to = at + lanes
+            cost_line(left[0, n], left[1, n], left[2, n], left[3, n], right[0, at:to],
+                      right[1, at:to], right[2, at:to], right[3, at:to], cap, neutral,
+                      newest[d, :lanes])
+        if line > first:
             for d in range(depth):
-                at = start + n * line_step - d * disparity_step
-                to = at + lanes
-                cost_line(left[0, n], left[1, n], left[2, n], left[3, n], right[0, at:to],
-                          right[1, at:to], right[2, at:to], right[3, at:to], cap, neutral,
-                          newest[d, :lanes])
-            if line > first:
-                for d in range(depth):
-                    sum_window(ring[0, d], ring[1, d], ring[2, d], ring[3, 0], cost[line - 1, d])
+                sum_window(ring[0, d], ring[1, d], ring[2, d], ring[3, 0], cost[line - 1, d])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -124,20 +123,19 @@ def sum_window(above, here, below, total, out):
         out[i] = I2(I2(total[i] + middle[i]) + after[i])
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def sgm_paths(cost, turned_cost, small, large, total, turned_total, scratch):
+@banded(count=2)
+def sgm_paths(layout, cost, turned_cost, small, large, total, turned_total, scratch):
     """
     Write the path costs from above and below into total, those from the sides into turned_total.
 
     scratch is int16 (2, 2 D + 3, lanes of either layout).
 
     """
-    for layout in prange(2):
-        for backwards in range(2):
-            if layout == 0:
-                follow_paths(cost, backwards, small, large, total, scratch[layout])
-            else:
-                follow_paths(turned_cost, backwards, small, large, turned_total, scratch[layout])
+    for backwards in range(2):
+        if layout == 0:
+            follow_paths(cost, backwards, small, large, total, scratch[layout])
+        else:
+            follow_paths(turned_cost, backwards, small, large, turned_total, scratch[layout])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -192,8 +190,8 @@ def subtract_lowest(latest, lowest, path):
             out[i] = I2(row[i] - lowest[i])
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def add_turned(pairs, columns, total):
+@banded()
+def add_turned(k, pairs, columns, total):
     """
     Add the turned path costs to total, int16 (rows, D, columns).
 
@@ -203,21 +201,20 @@ def add_turned(pairs, columns, total):
     """
     rows, depth = total.shape[0], total.shape[1]
     stride = np.uint32(pairs.size // columns)
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, depth)
-        even, odd = stack_integers(), stack_integers()
-        for d in range(first, last):
-            for left in range(0, columns, LENGTH):
-                right = min(left + LENGTH, columns)
-                for y in range(0, rows, 2):
-                    found = pairs[left * stride + d * (stride // depth) + y // 2:]
-                    for i in range(right - left):
-                        pair = found[np.uint32(i) * stride]
-                        even[i] = I2(pair)
-                        odd[i] = I2(pair >> I4(16))
-                    add_row(even, total[y, d, left:right])
-                    if y + 1 < rows:
-                        add_row(odd, total[y + 1, d, left:right])
+    first, last = band(k, depth)
+    even, odd = stack_integers(), stack_integers()
+    for d in range(first, last):
+        for left in range(0, columns, LENGTH):
+            right = min(left + LENGTH, columns)
+            for y in range(0, rows, 2):
+                found = pairs[left * stride + d * (stride // depth) + y // 2:]
+                for i in range(right - left):
+                    pair = found[np.uint32(i) * stride]
+                    even[i] = I2(pair)
+                    odd[i] = I2(pair >> I4(16))
+                add_row(even, total[y, d, left:right])
+                if y + 1 < rows:
+                    add_row(odd, total[y + 1, d, left:right])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -257,8 +254,8 @@ def tip_offset(before, here, after):
     return F4(0.5) * F4(before - after) / F4(rise) if rise > 0 else F4(0)
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def winners(total, first, least_gap, disparity, clear, scratch):
+@banded()
+def winners(k, total, first, least_gap, disparity, clear, scratch):
     """
     Winner-takes-all with left-right consistency on the coarse grid; total is (rows, D, columns).
 
@@ -268,42 +265,41 @@ def winners(total, first, least_gap, disparity, clear, scratch):
 
     """
     rows, depth, columns = total.shape
-    for k in prange(BANDS):
-        start, stop = band(k, BANDS, rows)
-        best_left, best_right = scratch[k, 0], scratch[k, 1]
-        least, best = stack_integers(), stack_integers()
-        for y in range(start, stop):
-            costs = total[y]
-            best_right[:] = 1 << 28
-            for left in range(0, columns, LENGTH):
-                cheapest(costs, left, least, best)
-                for x in range(left, min(left + LENGTH, columns)):
-                    at, low = I4(best[x - left]), I4(least[x - left])
-                    disparity[y, x] = F4(first + at)
-                    if 0 < at < depth - 1:
-                        disparity[y, x] += tip_offset(I4(costs[at - 1, x]), low,
-                                                      I4(costs[at + 1, x]))
-                    clear[y, x] = F4(1)
-                    if least_gap > 0 and has_rival(costs, x, at, low + least_gap):
-                        clear[y, x] = F4(0)
-                    best_left[x] = first + at
-                    right = x - (first + at)
-                    if 0 <= right < columns:
-                        # cost and disparity in one number: the cheaper, then the nearer one wins
-                        bid = I4(low * 4096 + 2048 - (first + at))
-                        best_right[right] = min(best_right[right], bid)
-            for x in range(columns):
-                right = x - best_left[x]
+    start, stop = band(k, rows)
+    best_left, best_right = scratch[k, 0], scratch[k, 1]
+    least, best = stack_integers(), stack_integers()
+    for y in range(start, stop):
+        costs = total[y]
+        best_right[:] = 1 << 28
+        for left in range(0, columns, LENGTH):
+            cheapest(costs, left, least, best)
+            for x in range(left, min(left + LENGTH, columns)):
+                at, low = I4(best[x - left]), I4(least[x - left])
+                disparity[y, x] = F4(first + at)
+                if 0 < at < depth - 1:
+                    disparity[y, x] += tip_offset(I4(costs[at - 1, x]), low,
+                                                  I4(costs[at + 1, x]))
+                clear[y, x] = F4(1)
+                if least_gap > 0 and has_rival(costs, x, at, low + least_gap):
+                    clear[y, x] = F4(0)
+                best_left[x] = first + at
+                right = x - (first + at)
                 if 0 <= right < columns:
-                    rival = 2048 - best_right[right] % 4096
-                    if abs(rival - best_left[x]) > 1:
-                        disparity[y, x] = np.nan
-                else:
+                    # cost and disparity in one number: the cheaper, then the nearer one wins
+                    bid = I4(low * 4096 + 2048 - (first + at))
+                    best_right[right] = min(best_right[right], bid)
+        for x in range(columns):
+            right = x - best_left[x]
+            if 0 <= right < columns:
+                rival = 2048 - best_right[right] % 4096
+                if abs(rival - best_left[x]) > 1:
                     disparity[y, x] = np.nan
+            else:
+                disparity[y, x] = np.nan
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def seed_planes(coarse, factor, offset, rows, columns, d, a, b):
+@banded()
+def seed_planes(k, coarse, factor, offset, rows, columns, d, a, b):
     """
     Give every node of the (rows, columns) half grid the plane of its coarse node.
 
@@ -315,23 +311,22 @@ def seed_planes(coarse, factor, offset, rows, columns, d, a, b):
     coarse_rows, coarse_columns = coarse.shape
     unit = F4(2 * factor)
     center = F4(0.5 * (factor - 1))
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, rows)
-        for y in range(first, last):
-            cy = min(y // factor, coarse_rows - 1)
-            off_y = F4(y - cy * factor) - center
-            for cx in range(coarse_columns):
-                here = coarse[cy, cx]
-                slope_x = F4(2) * smaller_step(coarse[cy, max(cx - 1, 0)], here,
-                                               coarse[cy, min(cx + 1, coarse_columns - 1)])
-                slope_y = F4(2) * smaller_step(coarse[max(cy - 1, 0), cx], here,
-                                               coarse[min(cy + 1, coarse_rows - 1), cx])
-                base = here * unit + offset + slope_y * off_y
-                stop = columns if cx == coarse_columns - 1 else (cx + 1) * factor
-                for x in range(cx * factor, stop):
-                    d[y + PAD, x + PAD] = base + slope_x * (F4(x - cx * factor) - center)
-                    a[y + PAD, x + PAD] = slope_x
-                    b[y + PAD, x + PAD] = slope_y
+    first, last = band(k, rows)
+    for y in range(first, last):
+        cy = min(y // factor, coarse_rows - 1)
+        off_y = F4(y - cy * factor) - center
+        for cx in range(coarse_columns):
+            here = coarse[cy, cx]
+            slope_x = F4(2) * smaller_step(coarse[cy, max(cx - 1, 0)], here,
+                                           coarse[cy, min(cx + 1, coarse_columns - 1)])
+            slope_y = F4(2) * smaller_step(coarse[max(cy - 1, 0), cx], here,
+                                           coarse[min(cy + 1, coarse_rows - 1), cx])
+            base = here * unit + offset + slope_y * off_y
+            stop = columns if cx == coarse_columns - 1 else (cx + 1) * factor
+            for x in range(cx * factor, stop):
+                d[y + PAD, x + PAD] = base + slope_x * (F4(x - cx * factor) - center)
+                a[y + PAD, x + PAD] = slope_x
+                b[y + PAD, x + PAD] = slope_y
 
 
 @njit(cache=True, nogil=True)

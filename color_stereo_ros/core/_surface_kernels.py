@@ -18,8 +18,9 @@ surroundings; there windows need no gate, and sums over them are separable.
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from ._band_kernels import band, banded
 from ._stack_kernels import LENGTH, stack_row
 from .types import Status
 
@@ -27,7 +28,6 @@ FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
 F4 = np.float32
 I4 = np.int32
 U4 = np.uint32
-BANDS = 8  # chunks per parallel loop: fixed, so that results do not depend on threads
 PAD = 8  # unknown nodes around a half grid: window radius + halo, or propagation step + halo
 TILE_ROWS = 8
 TILE_COLUMNS = 32
@@ -54,14 +54,8 @@ OUT_OF_RANGE = np.uint8(Status.OUT_OF_RANGE)
 IMPLAUSIBLE = np.uint8(Status.IMPLAUSIBLE)
 
 
-@njit(cache=True, nogil=True)
-def band(k, count, size):
-    """Return first and last row + 1 of band k of `count`."""
-    return size * k // count, size * (k + 1) // count
-
-
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def box_sums(pixels, out):
+@banded()
+def box_sums(k, pixels, out):
     """
     Sum 2 x 2 pixels into uint32 (H, W): red + green 2^10 + blue 2^20.
 
@@ -71,26 +65,25 @@ def box_sums(pixels, out):
 
     """
     height, width = out.shape
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, height)
-        for y in range(first, last):
-            above = pixels[y]
-            below = pixels[min(y + 1, height - 1)]
-            row = out[y]
-            for x in range(width):
-                a, b = above[x], below[x]
-                red = U4((a & U4(0xff)) + (b & U4(0xff)))
-                green = U4((a & U4(0xff00)) + (b & U4(0xff00)))
-                blue = U4((a & U4(0xff0000)) + (b & U4(0xff0000)))
-                row[x] = red | U4(green << U4(2)) | U4(blue << U4(4))
-            for x in range(width - 1):
-                row[x] = U4(row[x] + row[x + 1])
-            row[width - 1] = U4(row[width - 1] + row[width - 1])
+    first, last = band(k, height)
+    for y in range(first, last):
+        above = pixels[y]
+        below = pixels[min(y + 1, height - 1)]
+        row = out[y]
+        for x in range(width):
+            a, b = above[x], below[x]
+            red = U4((a & U4(0xff)) + (b & U4(0xff)))
+            green = U4((a & U4(0xff00)) + (b & U4(0xff00)))
+            blue = U4((a & U4(0xff0000)) + (b & U4(0xff0000)))
+            row[x] = red | U4(green << U4(2)) | U4(blue << U4(4))
+        for x in range(width - 1):
+            row[x] = U4(row[x] + row[x + 1])
+        row[width - 1] = U4(row[width - 1] + row[width - 1])
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def sample_colors(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v, s,
-                  peak, variance):
+@banded(fastmath=FAST)
+def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v,
+                  s, peak, variance):
     """
     Rectify: sample box sums bilinearly at mapped positions and turn them into chromaticity.
 
@@ -109,55 +102,54 @@ def sample_colors(box, index, frac_x, frac_y, stride, dark, gain, soft, saturati
     floor, shot, relative = noise
     root3, one, zero = F4(math.sqrt(3.0)), F4(1), F4(0)
     quarter, ten_bits = F4(0.25), U4(1023)
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, rows)
-        us, vs, totals = stack_row(), stack_row(), stack_row()
-        peaks, spreads = stack_row(), stack_row()
-        for y in range(first, last):
-            for start in range(0, columns, LENGTH):
-                stop = min(start + LENGTH, columns)
-                places = index[y, start:stop]
-                row_x, row_y = frac_x[y, start:stop], frac_y[y, start:stop]
-                for x in range(stop - start):
-                    outside = places[x] < 0
-                    p = U4(0 if outside else places[x])
-                    q = U4(p + stride)
-                    c00, c01, c10, c11 = box[p], box[U4(p + U4(1))], box[q], box[U4(q + U4(1))]
-                    fx, fy = row_x[x], row_y[x] * quarter
-                    gx, gy = one - fx, quarter - fy
-                    w00, w01, w10, w11 = gx * gy, fx * gy, gx * fy, fx * fy
-                    r = (w00 * F4(I4(c00 & ten_bits)) + w01 * F4(I4(c01 & ten_bits))
-                         + w10 * F4(I4(c10 & ten_bits)) + w11 * F4(I4(c11 & ten_bits)))
-                    g = (w00 * F4(I4((c00 >> U4(10)) & ten_bits))
-                         + w01 * F4(I4((c01 >> U4(10)) & ten_bits))
-                         + w10 * F4(I4((c10 >> U4(10)) & ten_bits))
-                         + w11 * F4(I4((c11 >> U4(10)) & ten_bits)))
-                    b = (w00 * F4(I4(c00 >> U4(20))) + w01 * F4(I4(c01 >> U4(20)))
-                         + w10 * F4(I4(c10 >> U4(20))) + w11 * F4(I4(c11 >> U4(20))))
-                    highest = max(r, max(g, b))
-                    r = max(r - dark_r, zero) * gain_r
-                    g = max(g - dark_g, zero) * gain_g
-                    b = max(b - dark_b, zero) * gain_b
-                    total = r + g + b
-                    scale = one / (total + soft)
-                    inverse = one / max(total, F4(1e-3))
-                    spread = relative + inverse * (shot + floor * inverse)
-                    silent = outside | (highest >= saturation) | (spread > FLAT)
-                    us[x] = zero if outside else (r + r - g - b) * scale
-                    vs[x] = zero if outside else (g - b) * (scale * root3)
-                    totals[x] = zero if outside else total
-                    peaks[x] = -one if outside else highest
-                    spreads[x] = FLAT if silent else spread
-                for x in range(stop - start):
-                    u[y, start + x] = us[x]
-                    v[y, start + x] = vs[x]
-                    s[y, start + x] = totals[x]
-                    peak[y, start + x] = peaks[x]
-                    variance[y, start + x] = spreads[x]
+    first, last = band(k, rows)
+    us, vs, totals = stack_row(), stack_row(), stack_row()
+    peaks, spreads = stack_row(), stack_row()
+    for y in range(first, last):
+        for start in range(0, columns, LENGTH):
+            stop = min(start + LENGTH, columns)
+            places = index[y, start:stop]
+            row_x, row_y = frac_x[y, start:stop], frac_y[y, start:stop]
+            for x in range(stop - start):
+                outside = places[x] < 0
+                p = U4(0 if outside else places[x])
+                q = U4(p + stride)
+                c00, c01, c10, c11 = box[p], box[U4(p + U4(1))], box[q], box[U4(q + U4(1))]
+                fx, fy = row_x[x], row_y[x] * quarter
+                gx, gy = one - fx, quarter - fy
+                w00, w01, w10, w11 = gx * gy, fx * gy, gx * fy, fx * fy
+                r = (w00 * F4(I4(c00 & ten_bits)) + w01 * F4(I4(c01 & ten_bits))
+                     + w10 * F4(I4(c10 & ten_bits)) + w11 * F4(I4(c11 & ten_bits)))
+                g = (w00 * F4(I4((c00 >> U4(10)) & ten_bits))
+                     + w01 * F4(I4((c01 >> U4(10)) & ten_bits))
+                     + w10 * F4(I4((c10 >> U4(10)) & ten_bits))
+                     + w11 * F4(I4((c11 >> U4(10)) & ten_bits)))
+                b = (w00 * F4(I4(c00 >> U4(20))) + w01 * F4(I4(c01 >> U4(20)))
+                     + w10 * F4(I4(c10 >> U4(20))) + w11 * F4(I4(c11 >> U4(20))))
+                highest = max(r, max(g, b))
+                r = max(r - dark_r, zero) * gain_r
+                g = max(g - dark_g, zero) * gain_g
+                b = max(b - dark_b, zero) * gain_b
+                total = r + g + b
+                scale = one / (total + soft)
+                inverse = one / max(total, F4(1e-3))
+                spread = relative + inverse * (shot + floor * inverse)
+                silent = outside | (highest >= saturation) | (spread > FLAT)
+                us[x] = zero if outside else (r + r - g - b) * scale
+                vs[x] = zero if outside else (g - b) * (scale * root3)
+                totals[x] = zero if outside else total
+                peaks[x] = -one if outside else highest
+                spreads[x] = FLAT if silent else spread
+            for x in range(stop - start):
+                u[y, start + x] = us[x]
+                v[y, start + x] = vs[x]
+                s[y, start + x] = totals[x]
+                peak[y, start + x] = peaks[x]
+                variance[y, start + x] = spreads[x]
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def linearize(left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, tiles, robust,
+@banded(fastmath=FAST)
+def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, tiles, robust,
               scale, reference, weight, moment, misfit):
     """
     Compare every node of some tiles with the place its disparity points to, and linearize there.
@@ -174,62 +166,61 @@ def linearize(left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, 
     m00, m01, m02 = matrix[0, 0], matrix[0, 1], matrix[0, 2]
     m10, m11, m12 = matrix[1, 0], matrix[1, 1], matrix[1, 2]
     one, two, half = F4(1), F4(2), F4(0.5)
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, tiles.shape[0])
-        weights, moments, misfits = stack_row(), stack_row(), stack_row()
-        for tile in range(first, last):
-            top, left = tiles[tile, 0], tiles[tile, 1]
-            for y in range(top, top + TILE_ROWS):
-                ru, rv, rvar = right_u[y], right_v[y], right_var[y]
-                lu = left_u[y, left:left + TILE_COLUMNS]
-                lv = left_v[y, left:left + TILE_COLUMNS]
-                lvar = left_var[y, left:left + TILE_COLUMNS]
-                dd = d[y, left:left + TILE_COLUMNS]
-                out_weight = weight[y, left:left + TILE_COLUMNS]
-                out_moment = moment[y, left:left + TILE_COLUMNS]
-                out_misfit = misfit[y, left:left + TILE_COLUMNS]
-                for x in range(TILE_COLUMNS):
-                    place = F4(2 * (left - PAD + x)) - dd[x]
-                    known = (place >= one) & (place < F4(width - 2))
-                    place = place if known else one
-                    i = np.int32(place)
-                    t = place - F4(i)
-                    i0, i1 = np.uint32(i - 1), np.uint32(i)
-                    i2, i3 = np.uint32(i + 1), np.uint32(i + 2)
-                    w0 = half * t * (-one + t * (two - t))
-                    w1 = one + half * t * t * (F4(-5) + F4(3) * t)
-                    w2 = half * t * (one + t * (F4(4) - F4(3) * t))
-                    w3 = half * t * t * (t - one)
-                    g0 = half * (-one + t * (F4(4) - F4(3) * t))
-                    g1 = half * t * (F4(-10) + F4(9) * t)
-                    g2 = half * (one + t * (F4(8) - F4(9) * t))
-                    g3 = half * t * (F4(3) * t - two)
-                    u0, u1, u2, u3 = ru[i0], ru[i1], ru[i2], ru[i3]
-                    v0, v1, v2, v3 = rv[i0], rv[i1], rv[i2], rv[i3]
-                    u = w0 * u0 + w1 * u1 + w2 * u2 + w3 * u3
-                    v = w0 * v0 + w1 * v1 + w2 * v2 + w3 * v3
-                    gu = g0 * u0 + g1 * u1 + g2 * u2 + g3 * u3
-                    gv = g0 * v0 + g1 * v1 + g2 * v2 + g3 * v3
-                    error_u = lu[x] - (m00 * u + m01 * v + m02)
-                    error_v = lv[x] - (m10 * u + m11 * v + m12)
-                    slope_u = m00 * gu + m01 * gv
-                    slope_v = m10 * gu + m11 * gv
-                    noise = max(rvar[i1], rvar[i2])
-                    informed = known & (noise < FLAT) & (lvar[x] < FLAT)
-                    steep = slope_u * slope_u + slope_v * slope_v
-                    w = one / (scale * (lvar[x] + noise) + JITTER * steep)
-                    chi = w * (error_u * error_u + error_v * error_v)
-                    w = w / (one + chi / robust)
-                    strength = w * steep
-                    pulled = (strength * (dd[x] - reference)
-                              - w * (slope_u * error_u + slope_v * error_v))
-                    weights[x] = strength if informed else F4(0)
-                    moments[x] = pulled if informed else F4(0)
-                    misfits[x] = chi if informed else NAN
-                for x in range(TILE_COLUMNS):
-                    out_weight[x] = weights[x]
-                    out_moment[x] = moments[x]
-                    out_misfit[x] = misfits[x]
+    first, last = band(k, tiles.shape[0])
+    weights, moments, misfits = stack_row(), stack_row(), stack_row()
+    for tile in range(first, last):
+        top, left = tiles[tile, 0], tiles[tile, 1]
+        for y in range(top, top + TILE_ROWS):
+            ru, rv, rvar = right_u[y], right_v[y], right_var[y]
+            lu = left_u[y, left:left + TILE_COLUMNS]
+            lv = left_v[y, left:left + TILE_COLUMNS]
+            lvar = left_var[y, left:left + TILE_COLUMNS]
+            dd = d[y, left:left + TILE_COLUMNS]
+            out_weight = weight[y, left:left + TILE_COLUMNS]
+            out_moment = moment[y, left:left + TILE_COLUMNS]
+            out_misfit = misfit[y, left:left + TILE_COLUMNS]
+            for x in range(TILE_COLUMNS):
+                place = F4(2 * (left - PAD + x)) - dd[x]
+                known = (place >= one) & (place < F4(width - 2))
+                place = place if known else one
+                i = np.int32(place)
+                t = place - F4(i)
+                i0, i1 = np.uint32(i - 1), np.uint32(i)
+                i2, i3 = np.uint32(i + 1), np.uint32(i + 2)
+                w0 = half * t * (-one + t * (two - t))
+                w1 = one + half * t * t * (F4(-5) + F4(3) * t)
+                w2 = half * t * (one + t * (F4(4) - F4(3) * t))
+                w3 = half * t * t * (t - one)
+                g0 = half * (-one + t * (F4(4) - F4(3) * t))
+                g1 = half * t * (F4(-10) + F4(9) * t)
+                g2 = half * (one + t * (F4(8) - F4(9) * t))
+                g3 = half * t * (F4(3) * t - two)
+                u0, u1, u2, u3 = ru[i0], ru[i1], ru[i2], ru[i3]
+                v0, v1, v2, v3 = rv[i0], rv[i1], rv[i2], rv[i3]
+                u = w0 * u0 + w1 * u1 + w2 * u2 + w3 * u3
+                v = w0 * v0 + w1 * v1 + w2 * v2 + w3 * v3
+                gu = g0 * u0 + g1 * u1 + g2 * u2 + g3 * u3
+                gv = g0 * v0 + g1 * v1 + g2 * v2 + g3 * v3
+                error_u = lu[x] - (m00 * u + m01 * v + m02)
+                error_v = lv[x] - (m10 * u + m11 * v + m12)
+                slope_u = m00 * gu + m01 * gv
+                slope_v = m10 * gu + m11 * gv
+                noise = max(rvar[i1], rvar[i2])
+                informed = known & (noise < FLAT) & (lvar[x] < FLAT)
+                steep = slope_u * slope_u + slope_v * slope_v
+                w = one / (scale * (lvar[x] + noise) + JITTER * steep)
+                chi = w * (error_u * error_u + error_v * error_v)
+                w = w / (one + chi / robust)
+                strength = w * steep
+                pulled = (strength * (dd[x] - reference)
+                          - w * (slope_u * error_u + slope_v * error_v))
+                weights[x] = strength if informed else F4(0)
+                moments[x] = pulled if informed else F4(0)
+                misfits[x] = chi if informed else NAN
+            for x in range(TILE_COLUMNS):
+                out_weight[x] = weights[x]
+                out_moment[x] = moments[x]
+                out_misfit[x] = misfits[x]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -409,34 +400,33 @@ def copy_tile(d, a, b, top, left, new_d, new_a, new_b):
             new_b[y, x] = b[y, x]
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def fit_planes(weight, moment, d, a, b, tiles, smooth, gate, stride, noise_weight, ridge,
+@banded()
+def fit_planes(k, weight, moment, d, a, b, tiles, smooth, gate, stride, noise_weight, ridge,
                steepest, reference, new_d, new_a, new_b, variance):
     """Least-squares planes of all nodes of some tiles; smooth (bool) says which need no gate."""
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, tiles.shape[0])
-        sums = np.empty((10, TILE_COLUMNS), F4)
-        for tile in range(first, last):
-            top, left = tiles[tile, 0], tiles[tile, 1]
-            right = left + TILE_COLUMNS
-            informed = any_above(weight[top - RADIUS:top + TILE_ROWS + RADIUS,
-                                        left - RADIUS:right + RADIUS], F4(0))
-            if not informed:
-                copy_tile(d, a, b, top, left, new_d, new_a, new_b)
-                variance[top:top + TILE_ROWS, left:right] = F4(np.inf)
-                continue
-            for y in range(top, top + TILE_ROWS):
-                if smooth[tile]:
-                    smooth_sums(weight, moment, y, left, sums)
-                else:
-                    gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums)
-                solve_row(sums, d[y, left:right], a[y, left:right], b[y, left:right],
-                          noise_weight, ridge, steepest, reference, new_d[y, left:right],
-                          new_a[y, left:right], new_b[y, left:right], variance[y, left:right])
+    first, last = band(k, tiles.shape[0])
+    sums = np.empty((10, TILE_COLUMNS), F4)
+    for tile in range(first, last):
+        top, left = tiles[tile, 0], tiles[tile, 1]
+        right = left + TILE_COLUMNS
+        informed = any_above(weight[top - RADIUS:top + TILE_ROWS + RADIUS,
+                                    left - RADIUS:right + RADIUS], F4(0))
+        if not informed:
+            copy_tile(d, a, b, top, left, new_d, new_a, new_b)
+            variance[top:top + TILE_ROWS, left:right] = F4(np.inf)
+            continue
+        for y in range(top, top + TILE_ROWS):
+            if smooth[tile]:
+                smooth_sums(weight, moment, y, left, sums)
+            else:
+                gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums)
+            solve_row(sums, d[y, left:right], a[y, left:right], b[y, left:right],
+                      noise_weight, ridge, steepest, reference, new_d[y, left:right],
+                      new_a[y, left:right], new_b[y, left:right], variance[y, left:right])
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def find_smooth_tiles(d, a, b, misfit, color_variance_, tiles, halo, step, worst, smooth):
+@banded(fastmath=FAST)
+def find_smooth_tiles(k, d, a, b, misfit, color_variance_, tiles, halo, step, worst, smooth):
     """
     Mark the tiles in and around which one surface fits everywhere.
 
@@ -446,36 +436,35 @@ def find_smooth_tiles(d, a, b, misfit, color_variance_, tiles, halo, step, worst
 
     """
     rows, columns = TILE_ROWS + 2 * halo, TILE_COLUMNS + 2 * halo
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, tiles.shape[0])
-        for tile in range(first, last):
-            top, left = tiles[tile, 0] - halo, tiles[tile, 1] - halo
-            broken = 0
-            count = 0
-            total = F4(0)
-            for y in range(top, top + rows):
-                above = d[y - 1, left:left + columns]
-                slope = b[y - 1, left:left + columns]
-                quiet_above = color_variance_[y - 1, left:left + columns]
-                before = d[y, left - 1:left - 1 + columns]
-                lean = a[y, left - 1:left - 1 + columns]
-                quiet_before = color_variance_[y, left - 1:left - 1 + columns]
-                here = d[y, left:left + columns]
-                quiet = color_variance_[y, left:left + columns]
-                chi = misfit[y, left:left + columns]
-                for x in range(columns):
-                    fits_above = ((abs(here[x] - above[x] - slope[x]) < step)
-                                  | (quiet_above[x] >= FLAT))
-                    fits_before = ((abs(here[x] - before[x] - lean[x]) < step)
-                                   | (quiet_before[x] >= FLAT))
-                    counts = quiet[x] < FLAT
-                    broken += 1 if counts & (not (fits_above & fits_before)) else 0
-                    count += 1 if counts else 0
-                    value = chi[x] if chi[x] < CEILING else CEILING  # NaN counts as that
-                    total += value if counts else F4(0)
-                if broken > 0:
-                    break
-            smooth[tile] = (broken == 0) & (total <= worst * F4(count))
+    first, last = band(k, tiles.shape[0])
+    for tile in range(first, last):
+        top, left = tiles[tile, 0] - halo, tiles[tile, 1] - halo
+        broken = 0
+        count = 0
+        total = F4(0)
+        for y in range(top, top + rows):
+            above = d[y - 1, left:left + columns]
+            slope = b[y - 1, left:left + columns]
+            quiet_above = color_variance_[y - 1, left:left + columns]
+            before = d[y, left - 1:left - 1 + columns]
+            lean = a[y, left - 1:left - 1 + columns]
+            quiet_before = color_variance_[y, left - 1:left - 1 + columns]
+            here = d[y, left:left + columns]
+            quiet = color_variance_[y, left:left + columns]
+            chi = misfit[y, left:left + columns]
+            for x in range(columns):
+                fits_above = ((abs(here[x] - above[x] - slope[x]) < step)
+                              | (quiet_above[x] >= FLAT))
+                fits_before = ((abs(here[x] - before[x] - lean[x]) < step)
+                               | (quiet_before[x] >= FLAT))
+                counts = quiet[x] < FLAT
+                broken += 1 if counts & (not (fits_above & fits_before)) else 0
+                count += 1 if counts else 0
+                value = chi[x] if chi[x] < CEILING else CEILING  # NaN counts as that
+                total += value if counts else F4(0)
+            if broken > 0:
+                break
+        smooth[tile] = (broken == 0) & (total <= worst * F4(count))
 
 
 HALO = 2  # of a cost patch: 3 x 3 mean, then the best of 3 x 3 shifted windows
@@ -557,9 +546,9 @@ def best_shifted_mean(misfit, mean, cost):
             row[x] = min(low, min(min(below[x + 1], below[x + 2]), below[x + 3]))
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap, inertia,
-              d, a, b, tiles, step, new_d, new_a, new_b, cost):
+@banded()
+def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap,
+              inertia, d, a, b, tiles, step, new_d, new_a, new_b, cost):
     """
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
 
@@ -568,28 +557,27 @@ def propagate(left_u, left_v, left_var, right_u, right_v, right_var, matrix, sca
     plane in reach stay unknown, at a cost of `cap`.
 
     """
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, tiles.shape[0])
-        misfit = np.empty((PATCH_ROWS, PATCH_COLUMNS), F4)
-        mean = np.empty((PATCH_ROWS, PATCH_COLUMNS), F4)
-        trial = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
-        best = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
-        for tile in range(first, last):
-            top, left = tiles[tile, 0], tiles[tile, 1]
-            reach = step + HALO
-            if not any_above(d[top - reach:top + TILE_ROWS + reach,
-                               left - reach:left + TILE_COLUMNS + reach], F4(-np.inf)):
-                new_d[top:top + TILE_ROWS, left:left + TILE_COLUMNS] = NAN
-                cost[top:top + TILE_ROWS, left:left + TILE_COLUMNS] = cap
-                continue
-            for candidate in range(5):
-                step_y = step * ((candidate == 2) - (candidate == 1))
-                step_x = step * ((candidate == 4) - (candidate == 3))
-                patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale,
-                             cap, d, a, b, top, left, step_y, step_x, misfit)
-                best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
-                take_better(trial, inertia, d, a, b, top, left, step_y, step_x, candidate == 0,
-                            best, new_d, new_a, new_b, cost)
+    first, last = band(k, tiles.shape[0])
+    misfit = np.empty((PATCH_ROWS, PATCH_COLUMNS), F4)
+    mean = np.empty((PATCH_ROWS, PATCH_COLUMNS), F4)
+    trial = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
+    best = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
+    for tile in range(first, last):
+        top, left = tiles[tile, 0], tiles[tile, 1]
+        reach = step + HALO
+        if not any_above(d[top - reach:top + TILE_ROWS + reach,
+                           left - reach:left + TILE_COLUMNS + reach], F4(-np.inf)):
+            new_d[top:top + TILE_ROWS, left:left + TILE_COLUMNS] = NAN
+            cost[top:top + TILE_ROWS, left:left + TILE_COLUMNS] = cap
+            continue
+        for candidate in range(5):
+            step_y = step * ((candidate == 2) - (candidate == 1))
+            step_x = step * ((candidate == 4) - (candidate == 3))
+            patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale,
+                         cap, d, a, b, top, left, step_y, step_x, misfit)
+            best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
+            take_better(trial, inertia, d, a, b, top, left, step_y, step_x, candidate == 0,
+                        best, new_d, new_a, new_b, cost)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -599,8 +587,9 @@ def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, n
     if own:
         copy_tile(d, a, b, top, left, new_d, new_a, new_b)
         for y in range(TILE_ROWS):
-            cost[top + y, left:left + TILE_COLUMNS] = best[y]
-            best[y] -= inertia
+            for x in range(TILE_COLUMNS):
+                cost[top + y, left + x] = best[y, x]
+                best[y, x] -= inertia
         return
     lean_x, lean_y = F4(step_x), F4(step_y)
     best_d, best_a, best_b = stack_row(), stack_row(), stack_row()
@@ -690,8 +679,8 @@ def imbalance(left, right):
     return (left - right) / (left + right + F4(2) * MURK)
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def judge(d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, columns, model,
+@banded(fastmath=FAST)
+def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, columns, model,
           evidence, trust):
     """
     Log-odds that a node is right within 1 px, from how well its plane fits.
@@ -706,53 +695,52 @@ def judge(d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, colum
     """
     ninth, quarter = F4(1.0 / 9.0), F4(0.25)
     last_place = F4(right_s.shape[1] - 1)
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, rows)
-        e0, e1, e2, e3 = stack_row(), stack_row(), stack_row(), stack_row()
-        e4, log_odds = stack_row(), stack_row()
-        for row in range(first, last):
-            y = row + PAD
-            bright = right_s[y]
-            for start in range(0, columns, TILE_COLUMNS):
-                left, count = start + PAD, min(TILE_COLUMNS, columns - start)
-                right = left + count
-                above, below = d[y - 1, left:right], d[y + 1, left:right]
-                here = d[y, left - 1:right + 1]
-                lean_x, lean_y = a[y, left:right], b[y, left:right]
-                chi0 = misfit[y - 1, left - 1:right + 1]
-                chi1 = misfit[y, left - 1:right + 1]
-                chi2 = misfit[y + 1, left - 1:right + 1]
-                fit, spread = cost[y, left:right], variance[y, left:right]
-                own_s, usual = left_s[y, left:right], balance[row, start:start + count]
-                for x in range(count):
-                    total = F4(0)
-                    for i in range(3):
-                        total += capped(chi0[x + i]) + capped(chi1[x + i]) + capped(chi2[x + i])
-                    center = here[x + 1]
-                    apart = (apartness(here[x + 2] - center - lean_x[x])
-                             + apartness(here[x] - center + lean_x[x])
-                             + apartness(below[x] - center - lean_y[x])
-                             + apartness(above[x] - center + lean_y[x]))
-                    place = F4(2 * (start + x)) - center
-                    place = place if (place >= F4(0)) & (place < last_place) else F4(0)
-                    at = np.int32(place)
-                    low, high = bright[np.uint32(at)], bright[np.uint32(at + 1)]
-                    other = low + (high - low) * (place - F4(at))
-                    e0[x] = math.sqrt(capped(fit[x]))
-                    e1[x] = math.sqrt(total * ninth)
-                    e2[x] = math.sqrt(math.sqrt(min(spread[x], F4(1))))
-                    e3[x] = math.sqrt(quarter * apart)
-                    e4[x] = math.sqrt(min(abs(imbalance(own_s[x], other) - usual[x]), F4(1)))
-                    known = center == center
-                    odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
-                    log_odds[x] = odds if known else UNKNOWN
-                for x in range(count):
-                    evidence[0, row, start + x] = e0[x]
-                    evidence[1, row, start + x] = e1[x]
-                    evidence[2, row, start + x] = e2[x]
-                    evidence[3, row, start + x] = e3[x]
-                    evidence[4, row, start + x] = e4[x]
-                    trust[y, left + x] = log_odds[x]
+    first, last = band(k, rows)
+    e0, e1, e2, e3 = stack_row(), stack_row(), stack_row(), stack_row()
+    e4, log_odds = stack_row(), stack_row()
+    for row in range(first, last):
+        y = row + PAD
+        bright = right_s[y]
+        for start in range(0, columns, TILE_COLUMNS):
+            left, count = start + PAD, min(TILE_COLUMNS, columns - start)
+            right = left + count
+            above, below = d[y - 1, left:right], d[y + 1, left:right]
+            here = d[y, left - 1:right + 1]
+            lean_x, lean_y = a[y, left:right], b[y, left:right]
+            chi0 = misfit[y - 1, left - 1:right + 1]
+            chi1 = misfit[y, left - 1:right + 1]
+            chi2 = misfit[y + 1, left - 1:right + 1]
+            fit, spread = cost[y, left:right], variance[y, left:right]
+            own_s, usual = left_s[y, left:right], balance[row, start:start + count]
+            for x in range(count):
+                total = F4(0)
+                for i in range(3):
+                    total += capped(chi0[x + i]) + capped(chi1[x + i]) + capped(chi2[x + i])
+                center = here[x + 1]
+                apart = (apartness(here[x + 2] - center - lean_x[x])
+                         + apartness(here[x] - center + lean_x[x])
+                         + apartness(below[x] - center - lean_y[x])
+                         + apartness(above[x] - center + lean_y[x]))
+                place = F4(2 * (start + x)) - center
+                place = place if (place >= F4(0)) & (place < last_place) else F4(0)
+                at = np.int32(place)
+                low, high = bright[np.uint32(at)], bright[np.uint32(at + 1)]
+                other = low + (high - low) * (place - F4(at))
+                e0[x] = math.sqrt(capped(fit[x]))
+                e1[x] = math.sqrt(total * ninth)
+                e2[x] = math.sqrt(math.sqrt(min(spread[x], F4(1))))
+                e3[x] = math.sqrt(quarter * apart)
+                e4[x] = math.sqrt(min(abs(imbalance(own_s[x], other) - usual[x]), F4(1)))
+                known = center == center
+                odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
+                log_odds[x] = odds if known else UNKNOWN
+            for x in range(count):
+                evidence[0, row, start + x] = e0[x]
+                evidence[1, row, start + x] = e1[x]
+                evidence[2, row, start + x] = e2[x]
+                evidence[3, row, start + x] = e3[x]
+                evidence[4, row, start + x] = e4[x]
+                trust[y, left + x] = log_odds[x]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -861,8 +849,8 @@ def whole_below(value):
     return whole - F4(1) if whole > value else whole
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy')
-def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
+@banded()
+def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, scratch):
     """
     Mark nodes whose place in the right image belongs to a more trusted surface.
 
@@ -871,56 +859,55 @@ def find_hidden(d, a, trust, rows, columns, width, tolerance, hidden, scratch):
     does not pass through it. scratch is int32 (BANDS, width).
 
     """
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, rows)
-        owner = scratch[k]
-        most = np.empty(width, F4)  # trust of the owners
-        flags, lows, highs = stack_row(), stack_row(), stack_row()
-        for row in range(first, last):
-            y = row + PAD
-            dd, aa = d[y, PAD:PAD + columns], a[y, PAD:PAD + columns]
-            own = trust[y, PAD:PAD + columns]
-            marks = hidden[y, PAD:PAD + columns]
-            owner[:] = -1
-            most[:] = ISLAND
-            for start in range(0, columns, LENGTH):
-                count = min(LENGTH, columns - start)
-                places, leans = dd[start:start + count], aa[start:start + count]
-                for i in range(count):
-                    center = F4(2 * (start + i)) - (places[i] if places[i] == places[i] else F4(0))
-                    reach = min(max(F4(0.5), F4(1) - F4(0.5) * leans[i]), F4(4))
-                    lows[i] = -whole_below(reach - center)
-                    highs[i] = whole_below(center + reach)
-                for i in range(count):
-                    x = start + i
-                    if own[x] > ISLAND:
-                        low = max(np.int32(lows[i]), np.int32(0))
-                        high = min(np.int32(highs[i]), np.int32(width - 1))
-                        for at in range(low, high + 1):
-                            if own[x] > most[at]:
-                                most[at] = own[x]
-                                owner[at] = x
-            for start in range(0, columns, TILE_COLUMNS):
-                count = min(TILE_COLUMNS, columns - start)
-                for i in range(count):
-                    x = start + i
-                    known = own[x] > ISLAND
-                    place = whole_below(F4(2 * x) + F4(0.5) - (dd[x] if known else F4(0)))
-                    known = known & (place >= 0) & (place < width)
-                    rival = owner[np.uint32(place if known else 0)]
-                    known = known & (rival >= 0)
-                    at = np.uint32(rival if known else 0)
-                    away = F4(x) - F4(rival)
-                    apart = abs(dd[at] + aa[at] * away - dd[x])
-                    flags[i] = F4(1) if known & (
-                        apart > tolerance + F4(0.25) * abs(away)) else F4(0)
-                for i in range(count):
-                    marks[start + i] = flags[i] > F4(0)
+    first, last = band(k, rows)
+    owner = scratch[k]
+    most = np.empty(width, F4)  # trust of the owners
+    flags, lows, highs = stack_row(), stack_row(), stack_row()
+    for row in range(first, last):
+        y = row + PAD
+        dd, aa = d[y, PAD:PAD + columns], a[y, PAD:PAD + columns]
+        own = trust[y, PAD:PAD + columns]
+        marks = hidden[y, PAD:PAD + columns]
+        owner[:] = -1
+        most[:] = ISLAND
+        for start in range(0, columns, LENGTH):
+            count = min(LENGTH, columns - start)
+            places, leans = dd[start:start + count], aa[start:start + count]
+            for i in range(count):
+                center = F4(2 * (start + i)) - (places[i] if places[i] == places[i] else F4(0))
+                reach = min(max(F4(0.5), F4(1) - F4(0.5) * leans[i]), F4(4))
+                lows[i] = -whole_below(reach - center)
+                highs[i] = whole_below(center + reach)
+            for i in range(count):
+                x = start + i
+                if own[x] > ISLAND:
+                    low = max(np.int32(lows[i]), np.int32(0))
+                    high = min(np.int32(highs[i]), np.int32(width - 1))
+                    for at in range(low, high + 1):
+                        if own[x] > most[at]:
+                            most[at] = own[x]
+                            owner[at] = x
+        for start in range(0, columns, TILE_COLUMNS):
+            count = min(TILE_COLUMNS, columns - start)
+            for i in range(count):
+                x = start + i
+                known = own[x] > ISLAND
+                place = whole_below(F4(2 * x) + F4(0.5) - (dd[x] if known else F4(0)))
+                known = known & (place >= 0) & (place < width)
+                rival = owner[np.uint32(place if known else 0)]
+                known = known & (rival >= 0)
+                at = np.uint32(rival if known else 0)
+                away = F4(x) - F4(rival)
+                apart = abs(dd[at] + aa[at] * away - dd[x])
+                flags[i] = F4(1) if known & (
+                    apart > tolerance + F4(0.25) * abs(away)) else F4(0)
+            for i in range(count):
+                marks[start + i] = flags[i] > F4(0)
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits, saturation,
-           dark, hidden_odds, least_odds, vague, std, confidence, status):
+@banded(fastmath=FAST)
+def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
+           saturation, dark, hidden_odds, least_odds, vague, std, confidence, status):
     """
     Turn evidence into confidence, standard deviation and a reason where there is no range.
 
@@ -933,45 +920,44 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
     """
     too_vague = vague * vague
     lowest, highest = limits[0], limits[1]
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, rows)
-        spreads, certainties, codes = stack_row(), stack_row(), stack_row()
-        for row in range(first, last):
-            y = row + PAD
-            for start in range(0, columns, LENGTH):
-                count = min(LENGTH, columns - start)
-                left, right = start + PAD, start + PAD + count
-                dd, noise, fit = d[y, left:right], variance[y, left:right], cost[y, left:right]
-                trusts, behind = trust[y, left:right], hidden[y, left:right]
-                peaks, light = peak[y, left:right], s[y, left:right]
-                aparts = evidence[3, row, start:start + count]
-                for x in range(count):
-                    is_hidden = behind[x] != 0
-                    odds = trusts[x] + (hidden_odds if is_hidden else F4(0))
-                    apart = BENT * aparts[x] * aparts[x]
-                    spread = math.sqrt(CORRELATED * noise[x] + apart * apart)
-                    vaguer = noise[x] > too_vague
-                    unsure = (odds < least_odds) | vaguer
-                    bright = peaks[x] >= saturation
-                    darkest = dark if unsure else PITCH_DARK
-                    # the first reason in the order of looking wins: it is asked for last
-                    code = NO_MATCH if fit[x] > F4(0.3) * CEILING else IMPLAUSIBLE
-                    code = AMBIGUOUS if spread > vague else code
-                    code = INCONSISTENT if is_hidden else code
-                    code = code if unsure else VALID
-                    code = OUT_OF_RANGE if (dd[x] < lowest) | (dd[x] > highest) else code
-                    code = AMBIGUOUS if vaguer else code
-                    code = code if dd[x] == dd[x] else NO_MATCH
-                    code = DARK if (light[x] < darkest) & (not bright) else code
-                    code = SATURATED if unsure & bright else code
-                    code = OUTSIDE_IMAGE if peaks[x] < F4(0) else code
-                    spreads[x] = spread
-                    certainties[x] = logistic(odds)
-                    codes[x] = F4(code)
-                for x in range(count):
-                    std[y, left + x] = spreads[x]
-                    confidence[y, left + x] = certainties[x]
-                    status[y, left + x] = np.uint8(codes[x])
+    first, last = band(k, rows)
+    spreads, certainties, codes = stack_row(), stack_row(), stack_row()
+    for row in range(first, last):
+        y = row + PAD
+        for start in range(0, columns, LENGTH):
+            count = min(LENGTH, columns - start)
+            left, right = start + PAD, start + PAD + count
+            dd, noise, fit = d[y, left:right], variance[y, left:right], cost[y, left:right]
+            trusts, behind = trust[y, left:right], hidden[y, left:right]
+            peaks, light = peak[y, left:right], s[y, left:right]
+            aparts = evidence[3, row, start:start + count]
+            for x in range(count):
+                is_hidden = behind[x] != 0
+                odds = trusts[x] + (hidden_odds if is_hidden else F4(0))
+                apart = BENT * aparts[x] * aparts[x]
+                spread = math.sqrt(CORRELATED * noise[x] + apart * apart)
+                vaguer = noise[x] > too_vague
+                unsure = (odds < least_odds) | vaguer
+                bright = peaks[x] >= saturation
+                darkest = dark if unsure else PITCH_DARK
+                # the first reason in the order of looking wins: it is asked for last
+                code = NO_MATCH if fit[x] > F4(0.3) * CEILING else IMPLAUSIBLE
+                code = AMBIGUOUS if spread > vague else code
+                code = INCONSISTENT if is_hidden else code
+                code = code if unsure else VALID
+                code = OUT_OF_RANGE if (dd[x] < lowest) | (dd[x] > highest) else code
+                code = AMBIGUOUS if vaguer else code
+                code = code if dd[x] == dd[x] else NO_MATCH
+                code = DARK if (light[x] < darkest) & (not bright) else code
+                code = SATURATED if unsure & bright else code
+                code = OUTSIDE_IMAGE if peaks[x] < F4(0) else code
+                spreads[x] = spread
+                certainties[x] = logistic(odds)
+                codes[x] = F4(code)
+            for x in range(count):
+                std[y, left + x] = spreads[x]
+                confidence[y, left + x] = certainties[x]
+                status[y, left + x] = np.uint8(codes[x])
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -993,8 +979,8 @@ def logistic(odds):
     return F4(1) / (F4(1) + power)
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model='numpy', fastmath=FAST)
-def expand(d, a, b, std, confidence, status, rows, columns, limits, focal_baseline, offset,
+@banded(fastmath=FAST)
+def expand(k, d, a, b, std, confidence, status, rows, columns, limits, focal_baseline, offset,
            disparity, depth, out_std, out_confidence, out_status):
     """
     Evaluate the planes of the valid nodes at every pixel, and triangulate.
@@ -1004,22 +990,21 @@ def expand(d, a, b, std, confidence, status, rows, columns, limits, focal_baseli
 
     """
     height, width = disparity.shape
-    for k in prange(BANDS):
-        first, last = band(k, BANDS, height)
-        for v in range(first, last):
-            y = min(v >> 1, rows - 1)
-            lean_y = F4(0.5) * (F4(v - 2 * y) - F4(0.5))
-            row = y + PAD
-            for u in range(width):
-                at = min(u >> 1, columns - 1) + PAD
-                lean_x = F4(0.5) * (F4(u - 2 * (at - PAD)) - F4(0.5))
-                value = d[row, at] + a[row, at] * lean_x + b[row, at] * lean_y
-                code = status[row, at]
-                inside = (value >= limits[0]) & (value <= limits[1])
-                code = OUT_OF_RANGE if (code == VALID) & (not inside) else code
-                valid = code == VALID
-                disparity[v, u] = value if valid else NAN
-                depth[v, u] = focal_baseline / (value - offset) if valid else NAN
-                out_std[v, u] = std[row, at] if valid else NAN
-                out_confidence[v, u] = confidence[row, at] if valid else F4(0)
-                out_status[v, u] = code
+    first, last = band(k, height)
+    for v in range(first, last):
+        y = min(v >> 1, rows - 1)
+        lean_y = F4(0.5) * (F4(v - 2 * y) - F4(0.5))
+        row = y + PAD
+        for u in range(width):
+            at = min(u >> 1, columns - 1) + PAD
+            lean_x = F4(0.5) * (F4(u - 2 * (at - PAD)) - F4(0.5))
+            value = d[row, at] + a[row, at] * lean_x + b[row, at] * lean_y
+            code = status[row, at]
+            inside = (value >= limits[0]) & (value <= limits[1])
+            code = OUT_OF_RANGE if (code == VALID) & (not inside) else code
+            valid = code == VALID
+            disparity[v, u] = value if valid else NAN
+            depth[v, u] = focal_baseline / (value - offset) if valid else NAN
+            out_std[v, u] = std[row, at] if valid else NAN
+            out_confidence[v, u] = confidence[row, at] if valid else F4(0)
+            out_status[v, u] = code

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 
 from . import _coarse_kernels as kernels
-from ._surface_kernels import BANDS, PAD
+from ._band_kernels import BANDS
+from ._surface_kernels import PAD
 from .triangulation import search_interval
 
 F4 = np.float32
@@ -65,6 +66,7 @@ class CoarseSearch:
     def allocate(self, h, w, depth, arena):
         """Allocate the volumes of a coarse grid of h x w nodes."""
         self.brightness = arena.zeros((h, w), F4)
+        self.colors = arena.empty((4, h, w), np.int16)
         self.margin = w + max(abs(self.first), abs(self.first + depth))
         self.upright = Volumes(h, w, depth, (0, self.margin), arena)
         # an even number of lanes, of which `add_turned` fetches two at a time
@@ -115,12 +117,13 @@ class CoarseSearch:
 
     def fill_colors(self, left, right):
         """Write u, v, texture and trust of both views."""
-        inner = np.s_[:, :, self.margin:self.margin + self.disparity.shape[1]]
         for view, first, step, out in ((left, PAD, self.factor, self.upright.left),
-                                       (right, 0, 2 * self.factor, self.upright.right[inner])):
+                                       (right, 0, 2 * self.factor, self.colors)):
             kernels.reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor, self.soft,
                                   self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3])
             self.fill_texture(out[2])
+        inside = slice(self.margin, self.margin + self.disparity.shape[1])
+        self.upright.right[:, :, inside] = self.colors
 
     def turn(self):
         """Copy the colors into the other layout."""

@@ -23,6 +23,7 @@ import numpy as np
 
 from . import _surface_kernels as kernels
 from ._arena import Arena
+from ._band_kernels import BANDS
 from ._coarse_kernels import seed_planes
 from .coarse_search import CoarseSearch
 from .rectification import inside_image, raw_coordinates
@@ -125,7 +126,7 @@ class SurfaceMethod:
         samples = (max(1, count // BALANCE_STEP) for count in self.nodes)
         self.balance = arena.zeros((2, *samples), F4)
         self.hidden = arena.zeros(shape, bool)
-        self.owners = arena.empty((kernels.BANDS, width), np.int32)
+        self.owners = arena.empty((BANDS, width), np.int32)
         self.status = arena.zeros(shape, np.uint8)
         self.segments = arena.empty((4, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
