@@ -20,8 +20,8 @@ ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = {'range_node', 'lifecycle_range_node', 'pattern_node', 'sim_rig_node',
                'color_stereo'}
 
-ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'llvmlite': 'python3-numba', 'numpy': 'python3-numpy',
-               'yaml': 'python3-yaml', 'matplotlib': 'python3-matplotlib',
+ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'llvmlite': 'python3-numba',
+               'numpy': 'python3-numpy', 'yaml': 'python3-yaml', 'matplotlib': 'python3-matplotlib',
                'tqdm': 'python3-tqdm'}
 """Module to rosdep key, where they differ."""
 
