@@ -53,6 +53,19 @@ def bilinear(image, y, x, fy, fx):
     return (1 - fy) * above + fy * below
 
 
+def channel_levels(image, step, known_dark, darkest):
+    """Return the dark level and the mean above it of each channel of every step-th pixel."""
+    out = []
+    for channel in range(3):
+        values = sorted(int(v) for v in image[step // 2::step, step // 2::step, channel].ravel())
+        dark = known_dark
+        if known_dark < 0:
+            # the first value that more than half a percent are not above
+            dark = min(values[len(values) // 200], darkest)
+        out.append((dark, sum(max(v - dark, 0) for v in values) / len(values)))
+    return np.array(out).T
+
+
 def sample_colors(box, index, frac_x, frac_y, dark, gain, soft, saturation, noise):
     """Return u, v, s, peak and variance of the nodes; box is (H, W, 3)."""
     u, v, s, peak = np.zeros((4, *index.shape))

@@ -98,6 +98,18 @@ def test_box_sums_are_exact(height, width):
     np.testing.assert_array_equal(unpacked, naive.box_sums(image))
 
 
+@pytest.mark.parametrize('known_dark', [-1.0, 0.0, 3.5])
+@pytest.mark.parametrize('step, brightest', [(1, 40), (3, 200), (16, 255)])
+def test_channel_levels_are_dark_level_and_mean_above(known_dark, step, brightest):
+    rng = np.random.default_rng(9)
+    image = np.sqrt(rng.uniform(0, 1, (90, 130, 4))) * brightest * [1, 0.5, 0.1, 1]
+    image = image.astype(np.uint8)
+    dark, mean = np.empty((2, 3), F4)
+    kernels.channel_levels(image, step, F4(known_dark), surface.DARKEST, dark, mean)
+    expected = naive.channel_levels(image, step, known_dark, surface.DARKEST)
+    np.testing.assert_allclose([dark, mean], expected, rtol=1e-4)
+
+
 def test_colors_are_sampled_between_pixels_with_a_variance():
     rng = np.random.default_rng(2)
     height, width = 11, 14

@@ -81,6 +81,37 @@ def box_sums(k, pixels, out):
         row[width - 1] = U4(row[width - 1] + row[width - 1])
 
 
+@njit(cache=True, nogil=True, error_model='numpy')
+def channel_levels(pixels, step, known_dark, darkest, dark, mean):
+    """
+    Dark level and mean above it of each channel (float32 (3,), DN) in every step-th pixel.
+
+    pixels is uint8 (H, W, 3 or more). The dark level is known_dark, or if that is negative the
+    level that half a percent of the pixels do not exceed, at most `darkest`: above that is light.
+
+    """
+    counts = np.zeros((3, 256), np.int64)
+    total = 0
+    for y in range(step // 2, pixels.shape[0], step):
+        for x in range(step // 2, pixels.shape[1], step):
+            for channel in range(3):
+                counts[channel, pixels[y, x, channel]] += 1
+            total += 1
+    for channel in range(3):
+        level = known_dark
+        if known_dark < F4(0):
+            at, seen = 0, counts[channel, 0]
+            while at < darkest and seen <= total // 200:
+                at += 1
+                seen += counts[channel, at]
+            level = F4(at)
+        above = F4(0)
+        for at in range(256):
+            above += F4(counts[channel, at]) * max(F4(at) - level, F4(0))
+        dark[channel] = level
+        mean[channel] = above / F4(total)
+
+
 @banded(fastmath=FAST)
 def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v,
                   s, peak, variance):

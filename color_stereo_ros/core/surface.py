@@ -149,11 +149,12 @@ class SurfaceMethod:
 
         """
         matching = self.settings.matching
-        photometry = [channel_levels(image, self.settings.color) for image in (left, right)]
-        if self.same_cameras(photometry):
-            photometry = shared(photometry)
-        self.left.fill(left, *photometry[0], self.settings.color, self.blur)
-        self.right.fill(right, *photometry[1], self.settings.color, self.blur)
+        color = self.settings.color
+        levels = [self.left.load(left, color), self.right.load(right, color)]
+        if self.same_cameras(levels):
+            levels = shared(levels)
+        self.left.fill(*levels[0], color, self.blur)
+        self.right.fill(*levels[1], color, self.blur)
         self.noise_weight = F4(noise_weight(left) / (1 + 2 * self.blur) ** 2)
         clock.lap('colors')
         self.seed()
@@ -329,8 +330,9 @@ class SurfaceMethod:
         share = counts[0] / np.maximum(counts[1], F4(1))
         excess = np.maximum(share - DISCORD, F4(0))
         if excess.any():
-            self.trust[area] -= (DISCORD_ODDS / (F4(1) - DISCORD)) * cv2.resize(
-                excess, (columns, rows), interpolation=cv2.INTER_LINEAR)
+            excess = cv2.resize(excess, (columns, rows), interpolation=cv2.INTER_LINEAR)
+            cv2.scaleAdd(excess, -float(DISCORD_ODDS / (F4(1) - DISCORD)), self.trust[area],
+                         dst=self.trust[area])
 
     def expand(self, clock):
         """Return the measurement at every pixel."""
@@ -359,15 +361,30 @@ class View:
         self.u, self.v, self.s, self.peak, self.variance = (
             arena.zeros(shape, F4) for _ in range(5))
 
-    def fill(self, image, dark, mean, color, blur):
+    def load(self, image, color):
         """
-        Rectify an image, uint8 (H, W, 3), into chromaticity, brightness and variance.
+        Take an image, uint8 (H, W, 3).
 
-        dark, mean: of `channel_levels`. blur is the radius, in nodes, over which the colors of
-        slow patterns are averaged.
+        Returns
+        -------
+        dark, mean : numpy.ndarray, float32, shape (3,)
+            Dark level of each channel and mean above it, DN.
 
         """
         cv2.cvtColor(image, cv2.COLOR_RGB2RGBA, dst=self.pixels)  # four bytes are one number
+        step = min(16, max(1, min(image.shape[:2]) // 32))
+        dark, mean = np.empty((2, 3), F4)
+        kernels.channel_levels(self.pixels, step, F4(color.dark_level), DARKEST, dark, mean)
+        return dark, mean
+
+    def fill(self, dark, mean, color, blur):
+        """
+        Rectify the image into chromaticity, brightness and variance.
+
+        dark, mean: as `load` returns them, or shared by both cameras. blur is the radius, in
+        nodes, over which the colors of slow patterns are averaged.
+
+        """
         kernels.box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
         gain = gains_of(mean) if color.equalize else np.ones(3, F4)
         kernels.sample_colors(self.box.reshape(-1), *self.index, np.uint32(self.box.shape[1]),
@@ -411,23 +428,6 @@ APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
 SLOW = 'sweep', 'bright_sweep', 'sine'
 
 
-def channel_levels(image, color):
-    """Return dark level and mean above it of each channel, float32 (3,), DN."""
-    step = min(16, max(1, min(image.shape[:2]) // 32))
-    sample = image[step // 2::step, step // 2::step].reshape(-1, 3)
-    if not sample.size:
-        return np.full(3, max(color.dark_level, 0.0), F4), np.ones(3, F4)
-    levels = np.arange(256)
-    counts = np.bincount((sample + 256 * np.arange(3)).ravel(), minlength=768).reshape(3, 256)
-    if color.dark_level < 0:
-        darkest = sample.shape[0] // 200  # half percent
-        dark = np.minimum((np.cumsum(counts, axis=1) <= darkest).sum(axis=1), DARKEST)
-    else:
-        dark = np.full(3, color.dark_level)
-    above = np.maximum(levels - dark[:, None], 0)
-    return dark.astype(F4), ((counts * above).sum(axis=1) / sample.shape[0]).astype(F4)
-
-
 def noise_weight(image):
     """
     Return the weight that mere noise has at a node of an image, uint8 (H, W, 3).
@@ -455,12 +455,12 @@ def shared(levels):
 
 def gains_of(mean):
     """Return gains, float32 (3,), that make channels of these means equally bright."""
-    mean = mean + F4(0.5)
-    return np.clip(mean.mean() / mean, 0.25, 4.0).astype(F4)
+    mean = [float(each) + 0.5 for each in mean]
+    return np.array([min(max(sum(mean) / 3 / each, 0.25), 4.0) for each in mean], F4)
 
 
 SAME_BALANCE = 0.12  # of logarithms: cameras of one type under an aperiodic pattern
-DARKEST = 24.0  # DN: an estimated dark level above this is light
+DARKEST = 24  # DN: an estimated dark level above this is light
 
 
 def half_grid_index(camera, rows, columns, step_x, shape, rectified):
