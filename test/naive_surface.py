@@ -403,11 +403,10 @@ def judge(planes, cost, misfit, variance, left_s, right_s, balance, rows, column
     return np.moveaxis(evidence, 2, 0), trust
 
 
-def remove_islands(planes, trust, rows, columns, step, least_size):
-    """Return trust with ISLAND in small segments; segments grow node by node."""
+def join_nodes(planes, trust, first_row, last_row, columns, step):
+    """Return the segments of the nodes of some rows, lists of nodes that hang together."""
     d, a, b = planes
-    out = trust.copy()
-    waiting = {(y + PAD, x + PAD) for y, x in nodes_of((rows, columns))
+    waiting = {(y + PAD, x + PAD) for y in range(first_row, last_row) for x in range(columns)
                if trust[y + PAD, x + PAD] > 0}
 
     def together(p, q):
@@ -415,6 +414,7 @@ def remove_islands(planes, trust, rows, columns, step, least_size):
         sign = (q[0] - p[0]) + (q[1] - p[1])
         return any(abs(d[q] - d[p] - sign * slope[r]) < step for r in (p, q))
 
+    segments = []
     while waiting:
         segment = [waiting.pop()]
         for y, x in segment:
@@ -422,6 +422,14 @@ def remove_islands(planes, trust, rows, columns, step, least_size):
             joined = [q for q in sorted(near) if together((y, x), q)]
             segment += joined
             waiting -= set(joined)
+        segments.append(segment)
+    return segments
+
+
+def remove_islands(planes, trust, rows, columns, step, least_size):
+    """Return trust with ISLAND in small segments."""
+    out = trust.copy()
+    for segment in join_nodes(planes, trust, 0, rows, columns, step):
         if len(segment) < least_size:
             for node in segment:
                 out[node] = kernels.ISLAND

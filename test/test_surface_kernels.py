@@ -16,7 +16,7 @@ import sys
 from color_stereo_ros.core import _coarse_kernels as coarse_kernels
 from color_stereo_ros.core import _surface_kernels as kernels, Status, surface
 from color_stereo_ros.core._arena import Arena
-from color_stereo_ros.core._band_kernels import BANDS
+from color_stereo_ros.core._band_kernels import band, BANDS
 from color_stereo_ros.core.coarse_search import CoarseSearch
 import naive_surface as naive
 import numpy as np
@@ -418,12 +418,35 @@ def test_trust_is_the_weighted_sum_of_the_evidence():
     assert (trust == kernels.UNKNOWN).any() and (trust > 0).any()
 
 
+def scattered(seed):
+    """Return planes with steps and their trust, both of changing sign from node to node."""
+    rng = np.random.default_rng(seed)
+    shape = planes(seed, unknown_share=0.0)
+    shape[0][INNER] += 4 * (rng.random((ROWS, COLUMNS)) < 0.2)
+    return shape, framed(rng.normal(0.5, 1, (ROWS, COLUMNS)))
+
+
+def test_nodes_of_a_band_are_joined_to_segments():
+    shape, trust = scattered(24)
+    run_of, first, parent, size = np.empty((4, ROWS * COLUMNS), np.int32)
+    ends = np.empty(BANDS, np.int32)
+    kernels.join_nodes(*shape, trust, ROWS, COLUMNS, surface.CONTINUOUS, run_of, first, parent,
+                       size, ends)
+    for k in range(BANDS):
+        top, bottom = band(k, ROWS)
+        found = {}
+        for node in range(top * COLUMNS, bottom * COLUMNS):
+            if run_of[node] >= 0:
+                assert top * COLUMNS <= run_of[node] < ends[k]
+                place = node // COLUMNS + PAD, node % COLUMNS + PAD
+                found.setdefault(kernels.root_of(parent, run_of[node]), set()).add(place)
+        expected = naive.join_nodes(shape, trust, top, bottom, COLUMNS, 1.0)
+        assert sorted(map(sorted, found.values())) == sorted(map(sorted, expected))
+
+
 @pytest.mark.parametrize('least_size', [2, 6, 40])
 def test_islands_are_the_small_connected_segments(least_size):
-    rng = np.random.default_rng(24)
-    shape = planes(24, unknown_share=0.0)
-    shape[0][INNER] += 4 * (rng.random((ROWS, COLUMNS)) < 0.2)
-    trust = framed(rng.normal(0.5, 1, (ROWS, COLUMNS)))
+    shape, trust = scattered(24)
     expected = naive.remove_islands(shape, trust, ROWS, COLUMNS, 1.0, least_size)
     scratch = np.empty((4, ROWS * COLUMNS), np.int32)
     kernels.remove_islands(*shape, trust, ROWS, COLUMNS, surface.CONTINUOUS, least_size, *scratch)

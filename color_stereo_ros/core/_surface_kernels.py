@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numba import njit
 
-from ._band_kernels import band, banded
+from ._band_kernels import band, banded, BANDS
 from ._stack_kernels import LENGTH, stack_row
 from .types import Status
 
@@ -807,7 +807,7 @@ def root_of(parent, node):
     return node
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@njit(cache=True, nogil=True, error_model='numpy')
 def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, first, parent,
                    size):
     """
@@ -818,9 +818,36 @@ def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, firs
     first, parent and size are int32 scratch (rows * columns).
 
     """
-    runs = 0
+    ends = np.empty(BANDS, I4)
+    join_nodes(d, a, b, trust, rows, columns, step, run_of, first, parent, size, ends)
+    for k in range(1, BANDS):
+        join_bands(d, b, trust, band(k, rows)[0], columns, step, run_of, parent)
+    for k in range(BANDS):
+        for run in range(band(k, rows)[0] * columns, ends[k]):
+            root = root_of(parent, run)
+            if root != run:
+                size[root] += size[run]
+    for k in range(BANDS):
+        for run in range(band(k, rows)[0] * columns, ends[k]):
+            if size[root_of(parent, run)] < least_size:
+                node = first[run]
+                while node < rows * columns and run_of[node] == run:
+                    trust[node // columns + PAD, node % columns + PAD] = ISLAND
+                    node += 1
+
+
+@banded(fastmath=FAST)
+def join_nodes(k, d, a, b, trust, rows, columns, step, run_of, first, parent, size, ends):
+    """
+    Join the nodes of each band to runs and the runs to segments; see `remove_islands`.
+
+    The runs of a band are counted from its first node on, ends is where that ends.
+
+    """
+    first_row, last_row = band(k, rows)
+    runs = first_row * columns
     links = stack_row()  # 1 trusted, + 2 hangs together with the left, + 4 with the upper node
-    for row in range(rows):
+    for row in range(first_row, last_row):
         y = row + PAD
         last_run, last_above = -1, -1
         for start in range(0, columns, LENGTH):
@@ -856,21 +883,26 @@ def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, firs
                     size[run] = 1
                     runs += 1
                 run_of[node] = run
-                if link & 4:
+                if link & 4 and row > first_row:
                     upper = run_of[node - columns]
                     if upper != last_above or run != last_run:
                         last_run, last_above = run, upper
                         parent[root_of(parent, run)] = root_of(parent, upper)
-    for run in range(runs):
-        root = root_of(parent, run)
-        if root != run:
-            size[root] += size[run]
-    for run in range(runs):
-        if size[root_of(parent, run)] < least_size:
-            node = first[run]
-            while node < rows * columns and run_of[node] == run:
-                trust[node // columns + PAD, node % columns + PAD] = ISLAND
-                node += 1
+    ends[k] = runs
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def join_bands(d, b, trust, row, columns, step, run_of, parent):
+    """Join the runs of a row to those of the row above, which belongs to another band."""
+    y = row + PAD
+    if row == 0 or row * columns >= run_of.size:
+        return
+    for x in range(columns):
+        here, above = x + PAD, row * columns + x - columns
+        change = d[y, here] - d[y - 1, here]
+        if trust[y, here] > 0 and trust[y - 1, here] > 0 and (
+                abs(change - b[y - 1, here]) < step or abs(change - b[y, here]) < step):
+            parent[root_of(parent, run_of[above + columns])] = root_of(parent, run_of[above])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
