@@ -8,13 +8,14 @@ from pathlib import Path
 import subprocess
 import sys
 import threading
+from xml.etree import ElementTree
 
 from color_stereo_ros.core import RecordingError, Settings
 from color_stereo_ros.nodes import cloud_files, worker as worker_module
 from color_stereo_ros.nodes.calibration_watch import CalibrationWatch
 from color_stereo_ros.nodes.cloud_files import save_cloud
 from color_stereo_ros.nodes.complaints import Complaints
-from color_stereo_ros.nodes.environment import defaults, PROFILE
+from color_stereo_ros.nodes.environment import defaults, LOCAL_PROFILE, PROFILE
 from color_stereo_ros.nodes.outputs import Outputs
 from color_stereo_ros.nodes.parameters import RangeNodeSettings
 from color_stereo_ros.nodes.synchroniser import Pair
@@ -39,10 +40,14 @@ class Clock:
 
 # ---- environment
 
+FAST_DDS = 'rmw_fastrtps_cpp'
+HERE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+
 def test_the_environment_gets_a_sending_thread_and_transports(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert defaults({}) == {'RMW_FASTRTPS_PUBLICATION_MODE': 'ASYNCHRONOUS',
-                            'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILE)}
+    assert defaults({}, FAST_DDS) == {'RMW_FASTRTPS_PUBLICATION_MODE': 'ASYNCHRONOUS',
+                                      'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILE)}
     assert PROFILE.is_file()
 
 
@@ -51,14 +56,54 @@ def test_the_environment_gets_a_sending_thread_and_transports(tmp_path, monkeypa
     ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE'),
     ('RMW_FASTRTPS_PUBLICATION_MODE', 'RMW_FASTRTPS_PUBLICATION_MODE')])
 def test_what_the_user_sets_in_the_environment_stays(name, absent):
-    found = defaults({name: 'theirs'})
+    found = defaults({name: 'theirs', **HERE}, FAST_DDS)
     assert name not in found and absent not in found
 
 
 def test_a_profile_in_the_working_directory_stays_in_force(tmp_path, monkeypatch):
     (tmp_path / 'DEFAULT_FASTRTPS_PROFILES.xml').write_text('<profiles/>')
     monkeypatch.chdir(tmp_path)
-    assert 'FASTRTPS_DEFAULT_PROFILES_FILE' not in defaults({})
+    assert list(defaults(HERE, FAST_DDS)) == ['RMW_FASTRTPS_PUBLICATION_MODE']
+
+
+def test_on_this_host_alone_the_profile_keeps_to_it_instead_of_the_middleware(
+        tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = defaults(HERE, FAST_DDS)
+    assert found['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'SYSTEM_DEFAULT'
+    assert found['FASTRTPS_DEFAULT_PROFILES_FILE'] == str(LOCAL_PROFILE)
+
+
+@pytest.mark.parametrize('environ', [
+    {**HERE, 'FASTRTPS_DEFAULT_PROFILES_FILE': 'theirs'},
+    {**HERE, 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'},
+    {**HERE, 'ROS_STATIC_PEERS': '192.0.2.7'},
+    {**HERE, 'ROS_LOCALHOST_ONLY': '1'},
+    {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}])
+def test_how_far_discovery_reaches_is_not_touched_where_a_profile_could_not_say_it(environ):
+    assert 'ROS_AUTOMATIC_DISCOVERY_RANGE' not in defaults(environ, FAST_DDS)
+
+
+def test_another_middleware_is_left_alone():
+    assert defaults(HERE, 'rmw_cyclonedds_cpp') == {}
+
+
+def test_the_profile_for_this_host_is_the_general_one_with_its_own_peers():
+    def elements(path):
+        return [(element.tag.rpartition('}')[2], (element.text or '').strip())
+                for element in ElementTree.parse(path).getroot().iter()]
+
+    def lists(name, address):
+        return [(name, ''), ('locator', ''), ('udpv4', ''), ('address', address)]
+
+    general, local = elements(PROFILE), elements(LOCAL_PROFILE)
+    for extra in ([('maxInitialPeersRange', '32')],
+                  lists('metatrafficUnicastLocatorList', '0.0.0.0'),
+                  lists('initialPeersList', '127.0.0.1')):
+        start = local.index(extra[0])
+        assert local[start:start + len(extra)] == extra
+        del local[start:start + len(extra)]
+    assert local == general
 
 
 # ---- complaints

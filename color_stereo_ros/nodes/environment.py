@@ -8,39 +8,59 @@ from pathlib import Path
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 PROFILE = Path(__file__).with_name('fast_dds.xml')
+LOCAL_PROFILE = Path(__file__).with_name('fast_dds_localhost.xml')
 
 _TRANSPORT_CHOICES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE',
                       'FASTDDS_BUILTIN_TRANSPORTS')
 _MEMORY_CHOICES = 'MALLOC_MMAP_THRESHOLD_', 'MALLOC_TRIM_THRESHOLD_', 'GLIBC_TUNABLES'
-_LOCAL_PROFILE = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it from the working directory
+_FOUND_PROFILE = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it from the working directory
+_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
-def defaults(environ):
+def defaults(environ, middleware):
     """
-    Return the variables to add to an environment.
+    Return the variables to set in an environment.
 
     Parameters
     ----------
     environ : dict
-        The environment; what it sets already stays.
+        The environment; what it decides stays so.
+    middleware : str
+        The name of the RMW implementation.
 
     Returns
     -------
     variables : dict
 
     """
-    # Fast DDS sends a cloud in a thread of its own, while publish() would hold the interpreter
-    found = {'RMW_FASTRTPS_PUBLICATION_MODE': 'ASYNCHRONOUS'}
+    if not middleware.startswith('rmw_fastrtps'):
+        return {}
+    found = {}
+    if 'RMW_FASTRTPS_PUBLICATION_MODE' not in environ:
+        # Fast DDS sends a cloud in a thread of its own, while publish() would hold the interpreter
+        found['RMW_FASTRTPS_PUBLICATION_MODE'] = 'ASYNCHRONOUS'
     if not any(name in environ for name in _TRANSPORT_CHOICES) and not Path(
-            _LOCAL_PROFILE).exists():
-        found['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(PROFILE)
-    return {name: value for name, value in found.items() if name not in environ}
+            _FOUND_PROFILE).exists():
+        if _is_local(environ):
+            # the profile keeps to this host; rmw_fastrtps would double the transports
+            found |= {_RANGE: 'SYSTEM_DEFAULT',
+                      'FASTRTPS_DEFAULT_PROFILES_FILE': str(LOCAL_PROFILE)}
+        else:
+            found['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(PROFILE)
+    return found
+
+
+def _is_local(environ):
+    """Return whether all that is asked of discovery is to stay on this host."""
+    return (environ.get(_RANGE) == 'LOCALHOST' and not environ.get('ROS_STATIC_PEERS')
+            and environ.get('ROS_LOCALHOST_ONLY') != '1')  # which would set the range again
 
 
 def prepare():
-    """Set what the user has not set; call it before rclpy loads."""
-    os.environ.update(defaults(os.environ))
+    """Set what the user has not set; call it before the first context of rclpy."""
     keep_freed_memory()
+    from rclpy.utilities import get_rmw_implementation_identifier
+    os.environ.update(defaults(os.environ, get_rmw_implementation_identifier()))
 
 
 def keep_freed_memory():

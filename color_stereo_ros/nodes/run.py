@@ -32,11 +32,11 @@ def run(make_node, args=None):
         0 after a clean end, 1 if the settings are refused.
 
     """
-    prepare()
     # rclpy's own handlers end the context while callbacks and threads still use it
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    prepare()
     status = _run(make_node, args, stop)
     if threading.active_count() > 1:
         # a thread that compiles cannot be interrupted, and must not see the interpreter go
