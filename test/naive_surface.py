@@ -243,20 +243,30 @@ def linearize(left, right, matrix, d, tiles, robust, scale, reference):
     return out
 
 
-def fit_planes(weight, moment, planes, tiles, smooth, gate, stride, noise_weight, ridge,
+def even_blur(u, gain_x, gain_y):
+    """Return a chromaticity with second differences added, without the outermost nodes."""
+    out = np.zeros((u.shape[0] - 2, u.shape[1] - 2))
+    for y, x in nodes_of(out.shape):
+        at = y + 1, x + 1
+        out[y, x] = u[at] + (gain_x[at] * (u[y + 1, x] - 2 * u[at] + u[y + 1, x + 2])
+                             + gain_y[at] * (u[y, x + 1] - 2 * u[at] + u[y + 2, x + 1]))
+    return out
+
+
+def fit_planes(weight, moment, planes, tiles, reach, gate, stride, noise_weight, ridge,
                steepest, reference):
     """Return d, a, b and variance, NaN outside the tiles."""
     out = np.full((4, *weight.shape), np.nan)
-    for tile, one_surface in zip(tiles, smooth):
-        informed = any(weight[node] > 0 for node in tile_nodes(tile, RADIUS))
+    for tile, radius in zip(tiles, reach):
+        widest = max(radius, RADIUS)
+        informed = any(weight[node] > 0 for node in tile_nodes(tile, widest))
         for y, x in tile_nodes(tile):
             if not informed:
                 out[:, y, x] = *planes[:, y, x], np.inf
                 continue
-            rows = range(-RADIUS, RADIUS + 1, 1 if one_surface else stride)
-            window = [(j, i) for j in rows
-                      for i in range(-RADIUS, RADIUS + 1)
-                      if one_surface or on_plane(planes, y, x, j, i, gate)]
+            window = [(j, i) for j in range(-widest, widest + 1, 1 if radius else stride)
+                      for i in range(-widest, widest + 1)
+                      if radius or on_plane(planes, y, x, j, i, gate)]
             out[:, y, x] = fitted_plane(weight, moment, planes[:, y, x], y, x, window,
                                         noise_weight, ridge, steepest, reference)
     return out
@@ -276,7 +286,7 @@ def fitted_plane(weight, moment, last, y, x, window, noise_weight, ridge, steepe
         normal += weight[y + j, x + i] * np.outer(place, place)
         pulled += moment[y + j, x + i] * place
     total = normal[0, 0]
-    if total <= 1e-6:
+    if total <= kernels.LEAST_WEIGHT:
         return *last, np.inf
     means = normal[0, 1:] / total
     held = normal + ridge * total * np.diag([0, 1, 1])
@@ -399,7 +409,8 @@ def judge(planes, cost, misfit, variance, left_s, right_s, balance, rows, column
             np.mean([abs(s) if abs(s) < 2 else 2.0 for s in steps]),
             min(abs(imbalance(left_s[y, x], other) - balance[row, column]), 1)])
         inputs = np.append(1, evidence[row, column])
-        trust[row, column] = inputs @ model @ inputs if np.isfinite(d[y, x]) else kernels.UNKNOWN
+        known = np.isfinite(d[y, x]) and np.isfinite(variance[y, x])
+        trust[row, column] = inputs @ model @ inputs if known else kernels.UNKNOWN
     return np.moveaxis(evidence, 2, 0), trust
 
 

@@ -7,7 +7,7 @@ from scenes import SCENES
 
 from color_stereo_ros.core import RangeSettings, RectifiedGeometry, RectifiedPair, SettingsError
 from color_stereo_ros.core import Settings, Status
-from color_stereo_ros.core._surface_kernels import SPAN
+from color_stereo_ros.core._surface_kernels import WIDE_RADIUS
 from color_stereo_ros.evaluation import ablation, datasets, methods, opencv_matchers
 from color_stereo_ros.evaluation.metrics import accuracy
 
@@ -103,7 +103,7 @@ def test_the_window_of_the_papers_method_grows_with_its_smoothing():
 
 def test_the_window_of_the_surface_method_counts_nodes_of_two_pixels():
     window = methods.window_of('surface', Settings())
-    assert window.width == window.height == 2 * SPAN + 1
+    assert window.width == window.height == 2 * (2 * WIDE_RADIUS + 1) + 1
     assert window.surface == 'plane'
 
 

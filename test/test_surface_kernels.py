@@ -275,6 +275,17 @@ def test_one_step_from_the_linearization_recovers_a_disparity():
     np.testing.assert_allclose(3 + moment[inside] / weight[inside], 7.3, atol=0.02)
 
 
+def test_kernels_are_widened_and_narrowed_by_second_differences():
+    rng = np.random.default_rng(33)
+    shape = 7, 2 * kernels.LENGTH + 5
+    u, v, out_u, out_v = rng.normal(0, 1, (4, *shape)).astype(F4)
+    gain = rng.uniform(-0.25, 0.25, (2, *shape)).astype(F4)
+    kernels.even_blur(u, v, *gain, out_u, out_v)
+    for found, given in ((out_u, u), (out_v, v)):
+        np.testing.assert_allclose(found[1:-1, 1:-1], naive.even_blur(given, *gain), atol=1e-5)
+        np.testing.assert_array_equal(found[:, [0, -1]], given[:, [0, -1]])
+
+
 def fit_inputs(seed):
     """Return weight, moment and planes as a linearization leaves them."""
     left, right = views(seed)
@@ -287,12 +298,12 @@ def fit_inputs(seed):
 @pytest.mark.parametrize('gate, stride, ridge', [(0.8, 1, 0.5), (3.0, 1, 1e6), (1.5, 2, 0.5)])
 def test_planes_are_weighted_least_squares(gate, stride, ridge):
     weight, moment, shape = fit_inputs(12)
-    smooth = np.arange(len(TILES)) % 2 == 0
+    reach = np.array([0, kernels.RADIUS, kernels.WIDE_RADIUS, 0] * len(TILES))[:len(TILES)]
     out = unknown(4)
-    kernels.fit_planes(weight, moment, *shape, TILES, smooth, F4(gate), stride,
+    kernels.fit_planes(weight, moment, *shape, TILES, reach.astype(np.int8), F4(gate), stride,
                        F4(0.7), F4(ridge), surface.STEEPEST, F4(3), *out)
     expected = naive.fit_planes(weight.astype(float), moment.astype(float), shape.astype(float),
-                                TILES, smooth, gate, stride, 0.7, ridge,
+                                TILES, reach, gate, stride, 0.7, ridge,
                                 float(surface.STEEPEST), 3.0)
     np.testing.assert_allclose(out[:3], expected[:3], rtol=1e-3, atol=3e-3)
     same = np.isfinite(out[3]) == np.isfinite(expected[3])
@@ -306,7 +317,7 @@ def test_tiles_without_information_keep_their_planes():
     shape = planes(13)
     out = unknown(4)
     kernels.fit_planes(np.zeros(SHAPE, F4), np.zeros(SHAPE, F4), *shape, TILES,
-                       np.zeros(len(TILES), bool), F4(1), 1, F4(0.7), F4(0.5),
+                       np.zeros(len(TILES), np.int8), F4(1), 1, F4(0.7), F4(0.5),
                        surface.STEEPEST, F4(0), *out)
     np.testing.assert_array_equal(out[:3, *INNER], shape[:, *INNER])
     assert np.isinf(out[3][INNER]).all()

@@ -33,8 +33,10 @@ TILE_ROWS = 8
 TILE_COLUMNS = 32
 RADIUS = 4  # of the least-squares window, nodes
 SPAN = 2 * RADIUS + 1
+WIDE_RADIUS = 7  # likewise where one surface fills a tile and as much around it
 JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
 FLAT = F4(1.0)  # a chromaticity variance that carries no information
+LEAST_WEIGHT = F4(1e-2)  # px^-2 of a window: less is rounding
 NAN = F4(np.nan)
 CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
 BENT = F4(0.8)        # standard deviation per distance of the neighbors, fitted likewise
@@ -180,6 +182,40 @@ def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, satur
 
 
 @banded(fastmath=FAST)
+def even_blur(k, u, v, gain_x, gain_y, out_u, out_v):
+    """
+    Add second differences along rows and columns to chromaticities, each times its gain.
+
+    All arrays have one shape; the outermost nodes are copied. A gain g widens the kernel through
+    which a node sees by 2 g in variance, nodes^2; a negative one narrows it.
+
+    """
+    rows, columns = u.shape
+    one, two = F4(1), F4(2)
+    first, last = band(k, rows)
+    us, vs = stack_row(), stack_row()
+    for y in range(first, last):
+        above, below = max(y - 1, 0), min(y + 1, rows - 1)
+        for place in (0, columns - 1):
+            out_u[y, place], out_v[y, place] = u[y, place], v[y, place]
+        for start in range(1, columns - 1, LENGTH):
+            count = min(LENGTH, columns - 1 - start)
+            stop = start + count
+            gx, gy = gain_x[y, start:stop], gain_y[y, start:stop]
+            u0, u1, u2 = u[above, start:stop], u[y, start - 1:stop + 1], u[below, start:stop]
+            v0, v1, v2 = v[above, start:stop], v[y, start - 1:stop + 1], v[below, start:stop]
+            for x in range(count):
+                own = one - two * (gx[x] + gy[x])
+                us[x] = (own * u1[x + 1] + gx[x] * (u1[x] + u1[x + 2])
+                         + gy[x] * (u0[x] + u2[x]))
+                vs[x] = (own * v1[x + 1] + gx[x] * (v1[x] + v1[x + 2])
+                         + gy[x] * (v0[x] + v2[x]))
+            for x in range(count):
+                out_u[y, start + x] = us[x]
+                out_v[y, start + x] = vs[x]
+
+
+@banded(fastmath=FAST)
 def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, tiles, robust,
               scale, reference, weight, moment, misfit):
     """
@@ -254,50 +290,74 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
                 out_misfit[x] = misfits[x]
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
-def smooth_sums(weight, moment, y, left, sums):
+@njit(inline='always', error_model='numpy', fastmath=FAST)  # the radius is then a constant
+def smooth_sums(weight, moment, top, left, radius, sums):
     """
-    Window sums of one tile row without a gate, first over rows, then over columns.
+    Window sums of one tile without a gate, first over rows, then over columns.
 
-    sums as in `gated_sums`.
+    radius, at most WIDE_RADIUS; sums is (TILE_ROWS, 10, TILE_COLUMNS), each row as in
+    `gated_sums`. From row to row the sums over rows lose one row, move, and gain one.
 
     """
-    wide = TILE_COLUMNS + 2 * RADIUS
-    start = left - RADIUS
+    wide = TILE_COLUMNS + 2 * radius
+    start, stop = left - radius, left + TILE_COLUMNS + radius
+    reach = F4(radius)
     w0, w1, w2, z0, z1 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    m0, m1, m2, m3, m4 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    m5, m6, m7, m8 = stack_row(), stack_row(), stack_row(), stack_row()
     for row in (w0, w1, w2, z0, z1):
         for x in range(wide):
             row[x] = F4(0)
-    for j in range(-RADIUS, RADIUS + 1):
-        w = weight[y + j, start:start + wide]
-        z = moment[y + j, start:start + wide]
-        step = F4(j)
+    for j in range(-radius - 1, radius):  # the window of the row above the tile
+        w, z = weight[top + j, start:stop], moment[top + j, start:stop]
+        step = F4(j + 1)
         for x in range(wide):
             w0[x] += w[x]
             w1[x] += w[x] * step
             w2[x] += w[x] * (step * step)
             z0[x] += z[x]
             z1[x] += z[x] * step
-    m0, m1, m2, m3, m4 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
-    m5, m6, m7, m8 = stack_row(), stack_row(), stack_row(), stack_row()
-    for x in range(TILE_COLUMNS):
-        s0, s1, s2, s3, s4, s5 = F4(0), F4(0), F4(0), F4(0), F4(0), F4(0)
-        t0, t1, t2 = F4(0), F4(0), F4(0)
-        for i in range(SPAN):
-            step = F4(i - RADIUS)
-            s0 += w0[x + i]
-            s1 += w0[x + i] * step
-            s3 += w0[x + i] * (step * step)
-            s2 += w1[x + i]
-            s4 += w1[x + i] * step
-            s5 += w2[x + i]
-            t0 += z0[x + i]
-            t1 += z0[x + i] * step
-            t2 += z1[x + i]
-        m0[x], m1[x], m2[x], m3[x], m4[x] = s0, s1, s2, s3, s4
-        m5[x], m6[x], m7[x], m8[x] = s5, t0, t1, t2
-    copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8), sums)
-    sums[9] = F4(SPAN * SPAN)
+    for y in range(TILE_ROWS):
+        row = top + y
+        old_w, old_z = weight[row - 1 - radius, start:stop], moment[row - 1 - radius, start:stop]
+        new_w, new_z = weight[row + radius, start:stop], moment[row + radius, start:stop]
+        for x in range(wide):
+            s0 = w0[x] - old_w[x]
+            s1 = w1[x] + reach * old_w[x]
+            s2 = w2[x] - (reach * reach) * old_w[x]
+            t0 = z0[x] - old_z[x]
+            t1 = z1[x] + reach * old_z[x]
+            w0[x] = s0 + new_w[x]
+            w1[x] = s1 - s0 + reach * new_w[x]
+            w2[x] = s2 - s1 - s1 + s0 + (reach * reach) * new_w[x]
+            z0[x] = t0 + new_z[x]
+            z1[x] = t1 - t0 + reach * new_z[x]
+        for x in range(TILE_COLUMNS):
+            s0, s1, s3 = F4(0), F4(0), F4(0)
+            for i in range(2 * radius + 1):
+                step = F4(i - radius)
+                s0 += w0[x + i]
+                s1 += w0[x + i] * step
+                s3 += w0[x + i] * (step * step)
+            m0[x], m1[x], m3[x] = s0, s1, s3
+        for x in range(TILE_COLUMNS):
+            s2, s4, s5 = F4(0), F4(0), F4(0)
+            for i in range(2 * radius + 1):
+                step = F4(i - radius)
+                s2 += w1[x + i]
+                s4 += w1[x + i] * step
+                s5 += w2[x + i]
+            m2[x], m4[x], m5[x] = s2, s4, s5
+        for x in range(TILE_COLUMNS):
+            t0, t1, t2 = F4(0), F4(0), F4(0)
+            for i in range(2 * radius + 1):
+                step = F4(i - radius)
+                t0 += z0[x + i]
+                t1 += z0[x + i] * step
+                t2 += z1[x + i]
+            m6[x], m7[x], m8[x] = t0, t1, t2
+        copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8), sums[y])
+        sums[y, 9] = F4((2 * radius + 1) * (2 * radius + 1))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -379,8 +439,8 @@ def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, ne
     """
     solved_d, solved_a, solved_b, spreads = stack_row(), stack_row(), stack_row(), stack_row()
     for x in range(TILE_COLUMNS):
-        known = sums[0, x] > F4(1e-6)
-        s0 = max(sums[0, x], F4(1e-6))
+        known = sums[0, x] > LEAST_WEIGHT
+        s0 = max(sums[0, x], LEAST_WEIGHT)
         hold = ridge * s0
         inverse = F4(1) / s0
         mean_x = sums[1, x] * inverse
@@ -432,26 +492,36 @@ def copy_tile(d, a, b, top, left, new_d, new_a, new_b):
 
 
 @banded()
-def fit_planes(k, weight, moment, d, a, b, tiles, smooth, gate, stride, noise_weight, ridge,
+def fit_planes(k, weight, moment, d, a, b, tiles, reach, gate, stride, noise_weight, ridge,
                steepest, reference, new_d, new_a, new_b, variance):
-    """Least-squares planes of all nodes of some tiles; smooth (bool) says which need no gate."""
+    """
+    Least-squares planes of all nodes of some tiles.
+
+    reach, int8: radius of the window where a tile needs no gate, RADIUS or WIDE_RADIUS; 0 where
+    it needs one.
+
+    """
     first, last = band(k, tiles.shape[0])
-    sums = np.empty((10, TILE_COLUMNS), F4)
+    sums = np.empty((TILE_ROWS, 10, TILE_COLUMNS), F4)
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
         right = left + TILE_COLUMNS
-        informed = any_above(weight[top - RADIUS:top + TILE_ROWS + RADIUS,
-                                    left - RADIUS:right + RADIUS], F4(0))
+        radius = max(np.int64(reach[tile]), RADIUS)
+        informed = any_above(weight[top - radius:top + TILE_ROWS + radius,
+                                    left - radius:right + radius], F4(0))
         if not informed:
             copy_tile(d, a, b, top, left, new_d, new_a, new_b)
             variance[top:top + TILE_ROWS, left:right] = F4(np.inf)
             continue
+        if reach[tile] == WIDE_RADIUS:
+            smooth_sums(weight, moment, top, left, WIDE_RADIUS, sums)
+        elif reach[tile] == RADIUS:
+            smooth_sums(weight, moment, top, left, RADIUS, sums)
+        else:
+            for y in range(TILE_ROWS):
+                gated_sums(weight, moment, d, a, b, top + y, left, gate, stride, sums[y])
         for y in range(top, top + TILE_ROWS):
-            if smooth[tile]:
-                smooth_sums(weight, moment, y, left, sums)
-            else:
-                gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums)
-            solve_row(sums, d[y, left:right], a[y, left:right], b[y, left:right],
+            solve_row(sums[y - top], d[y, left:right], a[y, left:right], b[y, left:right],
                       noise_weight, ridge, steepest, reference, new_d[y, left:right],
                       new_a[y, left:right], new_b[y, left:right], variance[y, left:right])
 
@@ -721,7 +791,7 @@ def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, co
     of the four neighbors from the plane (px), and of how far the `imbalance` of left and right
     brightness is from `balance`, float32 (rows, columns), that of the surroundings; roots, since
     logarithms are not vectorized. With x = (1, evidence), trust = x . model x, framed; model is
-    float32 (6, 6), upper triangular. UNKNOWN where d is unknown.
+    float32 (6, 6), upper triangular. UNKNOWN where d is unknown or nothing tells it.
 
     """
     ninth, quarter = F4(1.0 / 9.0), F4(0.25)
@@ -762,7 +832,7 @@ def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, co
                 e2[x] = math.sqrt(math.sqrt(min(spread[x], F4(1))))
                 e3[x] = math.sqrt(quarter * apart)
                 e4[x] = math.sqrt(min(abs(imbalance(own_s[x], other) - usual[x]), F4(1)))
-                known = center == center
+                known = (center == center) & (spread[x] < F4(np.inf))
                 odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
                 log_odds[x] = odds if known else UNKNOWN
             for x in range(count):

@@ -64,6 +64,8 @@ ODDS_SLOW = F4(0.5)  # slow colors: what is right within 1 px is less certain to
 BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
 BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
 ADAPT_STEPS = 8, 4  # nodes between samples: thousands are left at 640 x 480
+PIXEL_VARIANCE = 0.75  # px^2, of a pixel behind a mosaic and the sum of two of them
+LEAST_GAIN, MOST_GAIN = 0.02, 0.25  # of second differences: worth the time, and still tame
 THINNED = 2         # nodes between samples
 SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
 APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
@@ -100,6 +102,10 @@ class SurfaceMethod:
         self.left = View(calibration.left, rows, columns, 2, shape, rectified_input, arena)
         self.right = View(calibration.right, rows, width - 1, 1, (shape[0], width),
                           rectified_input, arena)
+        views = self.left, self.right
+        common = np.mean([np.nanmean(view.kernel_variance) for view in views])
+        for view in views:
+            view.even_out(common, arena)
         prior = Prior.of(settings.pattern, width)
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
@@ -225,11 +231,15 @@ class SurfaceMethod:
         turn: which of the gates and of STEADY hold; stride: of the window rows near depth edges.
 
         """
-        smooth = self.smooth(tiles, kernels.RADIUS, F4(STEADY[turn]))
+        step = F4(STEADY[turn])
+        reach = np.where(self.smooth(tiles, kernels.RADIUS, step), np.int8(kernels.RADIUS),
+                         np.int8(0))
+        if turn > 0:  # planes of seeds are too rough to tell how far a surface goes
+            reach[self.smooth(tiles, kernels.WIDE_RADIUS, step)] = kernels.WIDE_RADIUS
         if len(tiles) < len(self.tiles):
             self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
-        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, smooth, self.gates[turn],
+        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, reach, self.gates[turn],
                            stride, self.noise_weight, ridge, STEEPEST, self.reference, *self.spare,
                            self.variance)
         self.planes, self.spare = self.spare, self.planes
@@ -358,8 +368,23 @@ class View:
         self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
         self.box = arena.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
+        self.kernel_variance = kernel_variance(camera, rows, columns, step_x, rectified)
+        self.sampled, self.gain = None, None
         self.u, self.v, self.s, self.peak, self.variance = (
             arena.zeros(shape, F4) for _ in range(5))
+
+    def even_out(self, variance, arena):
+        """Prepare to let all nodes see through kernels of the same variance, px^2."""
+        step_x = 2 // self.columns_per_node
+        squares = np.array([[[step_x ** 2]], [[2 ** 2]]])
+        gain = np.nan_to_num(0.5 * (variance - self.kernel_variance) / squares)
+        gain = np.clip(gain, -MOST_GAIN, MOST_GAIN)
+        if np.abs(gain).max() < LEAST_GAIN:
+            return
+        rows, columns = gain.shape[1:]
+        first = kernels.PAD if step_x == 2 else 0
+        self.gain, self.sampled = arena.zeros((2, 2, *self.u.shape), F4)
+        self.gain[:, kernels.PAD:kernels.PAD + rows, first:first + columns] = gain
 
     def load(self, image, color):
         """
@@ -387,9 +412,12 @@ class View:
         """
         kernels.box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
         gain = gains_of(mean) if color.equalize else np.ones(3, F4)
+        sampled = (self.u, self.v) if self.gain is None else self.sampled
         kernels.sample_colors(self.box.reshape(-1), *self.index, np.uint32(self.box.shape[1]),
-                              dark, gain, SOFT, F4(color.saturation_level - 1), NOISE, self.u,
-                              self.v, self.s, self.peak, self.variance)
+                              dark, gain, SOFT, F4(color.saturation_level - 1), NOISE, *sampled,
+                              self.s, self.peak, self.variance)
+        if self.gain is not None:
+            kernels.even_blur(*sampled, *self.gain, self.u, self.v)
         if blur:
             size = (1 + 2 * blur * self.columns_per_node, 1 + 2 * blur)
             for plane in (self.u, self.v):
@@ -504,6 +532,32 @@ def half_grid_index(camera, rows, columns, step_x, shape, rectified):
     index[area] = np.where(inside, top * camera.width + left, -1)
     frac_x[area], frac_y[area] = x - left, y - top
     return index, frac_x, frac_y
+
+
+def kernel_variance(camera, rows, columns, step_x, rectified):
+    """
+    Return the variance of the kernel through which each node sees the scene.
+
+    Pixels, demosaicing, sums of 2 x 2 pixels and linear interpolation average over raw pixels,
+    whose size in rectified ones changes over the image where cameras converge. Two nodes match
+    only as well as their kernels.
+
+    Returns
+    -------
+    variance : numpy.ndarray, float64, shape (2, rows, columns)
+        Along rows and along columns of the rectified image, px^2; NaN outside the raw image.
+
+    """
+    if rectified:
+        return np.full((2, rows, columns), PIXEL_VARIANCE)
+    x, y = (each.astype(np.float64) for each in raw_coordinates(
+        half_grid_camera(camera, rows, columns, step_x)))
+    inside = inside_image(x, y, camera.width, camera.height)
+    raw_x, raw_y = (PIXEL_VARIANCE + (each - 0.5) % 1 * (1 - (each - 0.5) % 1) for each in (x, y))
+    (x_y, x_x), (y_y, y_x) = np.gradient(x, 2, step_x), np.gradient(y, 2, step_x)
+    area = np.where(inside, x_x * y_y - x_y * y_x, np.nan)
+    return np.stack([(y_y / area) ** 2 * raw_x + (x_y / area) ** 2 * raw_y,
+                     (y_x / area) ** 2 * raw_x + (x_x / area) ** 2 * raw_y])
 
 
 def half_grid_camera(camera, rows, columns, step_x):

@@ -6,7 +6,7 @@ import time
 
 from ..core import ColorStereo, MatchingSettings, RangeResult, RectifiedPair, Settings
 from ..core import SettingsError
-from ..core._surface_kernels import SPAN
+from ..core._surface_kernels import WIDE_RADIUS
 from ..core.rectification import Rectifier
 from ..core.settings import suggestion
 from . import opencv_matchers
@@ -157,8 +157,8 @@ def window_of(method, settings):
     Return the window over which a method decides a disparity.
 
     The paper's smoothing widens its window by its standard deviation on either side; the surface
-    method's window is counted in nodes of 2 x 2 pixels. StereoSGBM and 3WAY carry their decision
-    beyond their 5 x 5 block, along paths; they are measured against a 9 x 9 plane.
+    method's wide window is counted in nodes of 2 x 2 pixels. StereoSGBM and 3WAY carry their
+    decision beyond their 5 x 5 block, along paths; they are measured against a 9 x 9 plane.
 
     """
     if method == 'paper':
@@ -166,5 +166,6 @@ def window_of(method, settings):
         return Window(settings.matching.window_width + wider,
                       settings.matching.window_height + wider, 'constant')
     if method == 'surface':
-        return Window(2 * SPAN + 1, 2 * SPAN + 1)
+        size = 2 * (2 * WIDE_RADIUS + 1) + 1
+        return Window(size, size)
     return Window(15, 15, 'constant') if method == 'bm' else Window()
