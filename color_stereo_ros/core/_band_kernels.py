@@ -6,7 +6,7 @@ Instead of `parallel=True`, for two reasons. Numba then compiles every kernel tw
 that it contains (40 s for the kernels of the surface method instead of 20). And its threads get
 equal shares beforehand: one that has no core for a while holds up all the others. Here a thread
 that is done with its share, which lies in its cache from the last kernel, takes bands of others.
-There is one loop that is parallel to numba, `_run`, which calls a compiled function by its address.
+There is one loop that is parallel to numba, `_run`; it calls a compiled function by its address.
 
 """
 
