@@ -470,35 +470,49 @@ def find_hidden(planes, trust, rows, columns, width, tolerance):
 
 
 def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
-           saturation, dark, hidden_odds, least_odds, vague):
-    """Return standard deviation, confidence and status, (rows, columns) each."""
-    std, confidence = np.zeros((2, rows, columns))
-    status = np.zeros((rows, columns), np.uint8)
+           saturation, dark, hidden_odds, vague):
+    """Return standard deviation, log-odds and the reason for no range, (rows, columns) each."""
+    std, odds = np.zeros((2, rows, columns))
+    reason = np.zeros((rows, columns), np.uint8)
     for row, column in nodes_of((rows, columns)):
         node = row + PAD, column + PAD
-        odds = float(trust[node]) + (hidden_odds if hidden[node] else 0)
         apart = kernels.BENT * evidence[3, row, column] ** 2
         std[row, column] = math.sqrt(kernels.CORRELATED * variance[node] + apart ** 2)
-        confidence[row, column] = 1 / (1 + math.exp(-odds))
-        unsure = odds < least_odds or variance[node] > vague ** 2
+        bright = peak[node] >= saturation
         reasons = [
             (Status.OUTSIDE_IMAGE, peak[node] < 0),
-            (Status.SATURATED, unsure and peak[node] >= saturation),
-            (Status.DARK, peak[node] < saturation
-             and s[node] < (dark if unsure else kernels.PITCH_DARK)),
+            (Status.SATURATED, bright),
+            (Status.DARK, s[node] < dark),
             (Status.NO_MATCH, math.isnan(d[node])),
             (Status.AMBIGUOUS, variance[node] > vague ** 2),
             (Status.OUT_OF_RANGE, not limits[0] <= d[node] <= limits[1]),
-            (Status.VALID, not unsure),
             (Status.INCONSISTENT, hidden[node]),
             (Status.AMBIGUOUS, std[row, column] > vague),
             (Status.NO_MATCH, cost[node] > 0.3 * CEILING),
             (Status.IMPLAUSIBLE, True)]
-        status[row, column] = next(code for code, holds in reasons if holds)
-    return std, confidence, status
+        reason[row, column] = next(code for code, holds in reasons if holds)
+        hopeless = (peak[node] < 0 or variance[node] > vague ** 2 or trust[node] < -kernels.MOST_ODDS
+                    or not limits[0] <= d[node] <= limits[1]
+                    or s[node] < kernels.PITCH_DARK and not bright)
+        odds[row, column] = kernels.HOPELESS if hopeless else (
+            trust[node] + (hidden_odds if hidden[node] else 0))
+    return std, odds, reason
 
 
-def expand(planes, std, confidence, status, rows, columns, limits, focal_baseline, offset, shape):
+def pixel_odds(odds, v, u, rows, columns):
+    """Return the log-odds of a pixel: those of its node and the bilinear ones around it."""
+    node = min(v // 2, rows - 1), min(u // 2, columns - 1)
+    interpolated = 0
+    for j, weight_y in ((0, 0.75), (1 if v > 2 * node[0] else -1, 0.25)):
+        for i, weight_x in ((0, 0.75), (1 if u > 2 * node[1] else -1, 0.25)):
+            y, x = min(max(node[0] + j, 0), rows - 1), min(max(node[1] + i, 0), columns - 1)
+            interpolated += weight_y * weight_x * kernels.bounded(odds[y + PAD, x + PAD])
+    own = kernels.bounded(odds[node[0] + PAD, node[1] + PAD])
+    return kernels.OWN_SHARE * own + (1 - kernels.OWN_SHARE) * interpolated
+
+
+def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, offset, least_odds,
+           shape):
     """Return disparity, depth, standard deviation, confidence (4, H, W) and status (H, W)."""
     images = np.full((4, *shape), np.nan)
     codes = np.zeros(shape, np.uint8)
@@ -508,11 +522,13 @@ def expand(planes, std, confidence, status, rows, columns, limits, focal_baselin
         d, a, b = planes[:, node[0], node[1]].astype(float)
         # a node lies at the center of its 2 x 2 pixels and is two pixels wide
         value = d + a * (u - 2 * column - 0.5) / 2 + b * (v - 2 * row - 0.5) / 2
-        codes[v, u] = status[node]
-        if codes[v, u] == Status.VALID and not limits[0] <= value <= limits[1]:
-            codes[v, u] = Status.OUT_OF_RANGE
+        certainty = pixel_odds(odds, v, u, rows, columns)
         images[3, v, u] = 0
-        if codes[v, u] == Status.VALID:
+        if odds[node] == kernels.HOPELESS or certainty < least_odds:
+            codes[v, u] = reason[node]
+        elif not limits[0] <= value <= limits[1]:
+            codes[v, u] = Status.OUT_OF_RANGE
+        else:
             images[:, v, u] = (value, focal_baseline / (value - offset), std[node],
-                               confidence[node])
+                               1 / (1 + math.exp(-certainty)))
     return images, codes

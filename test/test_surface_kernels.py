@@ -485,39 +485,60 @@ def test_every_reason_is_given_and_as_documented():
     variance = rng.choice([1e-3, 0.2, np.inf], SHAPE).astype(F4)
     evidence = rng.uniform(0, 1, (5, ROWS, COLUMNS)).astype(F4)
     cost = rng.choice([1, 0.9 * kernels.CEILING], SHAPE).astype(F4)
-    trust = rng.choice([-4, 0, 1.5, 4], SHAPE).astype(F4)
+    trust = rng.choice([kernels.ISLAND, -4, 0, 1.5, 4], SHAPE).astype(F4)
     hidden = rng.random(SHAPE) < 0.3
     peak = rng.choice([-1, 40, 40, 40, 255], SHAPE).astype(F4)
     s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
-    std, confidence = np.zeros((2, *SHAPE), F4)
-    status = np.zeros(SHAPE, np.uint8)
-    rest = (np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, F4(0.4), surface.VAGUE)
+    std, odds = np.zeros((2, *SHAPE), F4)
+    reason = np.zeros(SHAPE, np.uint8)
+    rest = (np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, surface.VAGUE)
     kernels.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
-                   confidence, status)
+                   odds, reason)
     expected = naive.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS,
                             *rest)
     np.testing.assert_allclose(std[INNER], expected[0], rtol=1e-4)
-    np.testing.assert_allclose(confidence[INNER], expected[1], rtol=1e-4)
-    np.testing.assert_array_equal(status[INNER], expected[2])
-    assert set(np.unique(status[INNER])) == {code.value for code in Status}
+    np.testing.assert_allclose(odds[INNER], expected[1], rtol=1e-4)
+    np.testing.assert_array_equal(reason[INNER], expected[2])
+    assert set(np.unique(reason[INNER])) == {code.value for code in Status} - {Status.VALID}
 
 
-def test_planes_are_evaluated_at_every_pixel():
-    rng = np.random.default_rng(27)
-    shape = planes(27)
-    std, confidence = rng.random((2, *SHAPE)).astype(F4)
-    status = rng.choice([0, 0, 4], SHAPE).astype(np.uint8)
-    status[np.isnan(shape[0])] = Status.NO_MATCH
-    size = 2 * ROWS + 1, 2 * COLUMNS + 1  # odd: the last pixels have no node of their own
-    limits = np.array([-3, 9], F4)
+def expanded(size, seed):
+    """Return what the kernel and its twin make of random planes for an image of this size."""
+    rng = np.random.default_rng(seed)
+    shape = planes(seed)
+    std = rng.random(SHAPE).astype(F4)
+    odds = rng.choice([kernels.HOPELESS, -20, -1, 2, 5], SHAPE).astype(F4)
+    odds[np.isnan(shape[0])] = kernels.HOPELESS
+    odds[:, PAD - 1], odds[:, PAD + COLUMNS] = odds[:, PAD], odds[:, PAD + COLUMNS - 1]
+    reason = rng.choice([Status.AMBIGUOUS, Status.NO_MATCH], SHAPE).astype(np.uint8)
+    limits, least = np.array([-3, 9], F4), F4(0.4)
     images, codes = np.empty((4, *size), F4), np.empty(size, np.uint8)
-    kernels.expand(*shape, std, confidence, status, ROWS, COLUMNS, limits, F4(40), F4(-20),
+    kernels.expand(*shape, std, odds, reason, ROWS, COLUMNS, limits, F4(40), F4(-20), least,
                    *images, codes)
-    expected, expected_codes = naive.expand(shape, std, confidence, status, ROWS, COLUMNS, limits,
-                                            40.0, -20.0, size)
-    np.testing.assert_array_equal(codes, expected_codes)
-    np.testing.assert_allclose(images, expected, rtol=1e-5, atol=1e-5)
-    assert {Status.VALID, Status.OUT_OF_RANGE} < set(np.unique(codes))
+    expected = naive.expand(shape, std, odds, reason, ROWS, COLUMNS, limits, 40.0, -20.0,
+                            float(least), size)
+    return (images, codes), expected
+
+
+@pytest.mark.parametrize('beyond', [0, 1])  # 1: the last pixels have no node of their own
+def test_planes_are_evaluated_at_every_pixel(beyond):
+    (images, codes), expected = expanded((2 * ROWS + beyond, 2 * COLUMNS + beyond), 27)
+    np.testing.assert_array_equal(codes, expected[1])
+    np.testing.assert_allclose(images, expected[0], rtol=1e-4, atol=1e-4)
+    assert {Status.VALID, Status.OUT_OF_RANGE, Status.NO_MATCH} < set(np.unique(codes))
+
+
+def test_a_pixel_beside_a_doubtful_node_is_doubted_more():
+    odds = framed(np.full((ROWS, COLUMNS), 2.0))
+    odds[PAD + 3, PAD + 5] = -4
+    flat = [framed(np.full((ROWS, COLUMNS), value)) for value in (5.0, 0.0, 0.0)]
+    images, codes = np.empty((4, 2 * ROWS, 2 * COLUMNS), F4), np.empty(
+        (2 * ROWS, 2 * COLUMNS), np.uint8)
+    kernels.expand(*flat, odds, odds, np.zeros(SHAPE, np.uint8), ROWS, COLUMNS,
+                   np.array([-3, 9], F4), F4(40), F4(-20), F4(-9), *images, codes)
+    confidence = images[3]
+    assert confidence[6, 11] < confidence[6, 12] < confidence[6, 13]
+    assert confidence[6, 13] == pytest.approx(1 / (1 + np.exp(-2)), abs=1e-4)
 
 
 SCRIPT = """

@@ -41,6 +41,9 @@ NAN = F4(np.nan)
 CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
 BENT = F4(0.8)        # standard deviation per distance of the neighbors, fitted likewise
 ISLAND = F4(-50)    # log-odds of a node in too small a segment
+HOPELESS = F4(-200)  # log-odds where no range is possible
+LEAST_ODDS, MOST_ODDS = F4(-6), F4(14)  # of a node, where they are interpolated; 14: 1 - 1e-6
+OWN_SHARE = F4(0.25)  # of a node in the log-odds of its pixels, beside the interpolated ones
 UNKNOWN = F4(-100)  # log-odds of a node without disparity
 PITCH_DARK = F4(1)  # DN of summed channels: darker nodes get no range from their neighbors
 CEILING = F4(30)  # of a misfit that counts as evidence
@@ -1040,21 +1043,21 @@ def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, scratch
 
 @banded(fastmath=FAST)
 def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
-           saturation, dark, hidden_odds, least_odds, vague, std, confidence, status):
+           saturation, dark, hidden_odds, vague, std, odds, reason):
     """
-    Turn evidence into confidence, standard deviation and a reason where there is no range.
+    Turn evidence into log-odds, standard deviation and the reason why there may be no range.
 
-    limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes; below
-    least_odds a node has no range. vague (px): the standard deviation of a plane from which on
-    the colors around a node are too uniform to tell. The standard deviation grows with the
-    distance of the neighbors from the plane: there a plane is not what the surface is. status
-    takes the codes of types.Status.
+    limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes. vague
+    (px): the standard deviation of a plane from which on the colors around a node are too uniform
+    to tell. The standard deviation grows with the distance of the neighbors from the plane: there
+    a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
+    it gets a frame of the nearest nodes left and right. reason takes the codes of types.Status.
 
     """
     too_vague = vague * vague
     lowest, highest = limits[0], limits[1]
     first, last = band(k, rows)
-    spreads, certainties, codes = stack_row(), stack_row(), stack_row()
+    spreads, sums, codes = stack_row(), stack_row(), stack_row()
     for row in range(first, last):
         y = row + PAD
         for start in range(0, columns, LENGTH):
@@ -1066,31 +1069,34 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
             aparts = evidence[3, row, start:start + count]
             for x in range(count):
                 is_hidden = behind[x] != 0
-                odds = trusts[x] + (hidden_odds if is_hidden else F4(0))
                 apart = BENT * aparts[x] * aparts[x]
                 spread = math.sqrt(CORRELATED * noise[x] + apart * apart)
                 vaguer = noise[x] > too_vague
-                unsure = (odds < least_odds) | vaguer
                 bright = peaks[x] >= saturation
-                darkest = dark if unsure else PITCH_DARK
+                outside = peaks[x] < F4(0)
+                inside_limits = (dd[x] >= lowest) & (dd[x] <= highest)  # not if NaN
                 # the first reason in the order of looking wins: it is asked for last
                 code = NO_MATCH if fit[x] > F4(0.3) * CEILING else IMPLAUSIBLE
                 code = AMBIGUOUS if spread > vague else code
                 code = INCONSISTENT if is_hidden else code
-                code = code if unsure else VALID
-                code = OUT_OF_RANGE if (dd[x] < lowest) | (dd[x] > highest) else code
+                code = code if inside_limits else OUT_OF_RANGE
                 code = AMBIGUOUS if vaguer else code
                 code = code if dd[x] == dd[x] else NO_MATCH
-                code = DARK if (light[x] < darkest) & (not bright) else code
-                code = SATURATED if unsure & bright else code
-                code = OUTSIDE_IMAGE if peaks[x] < F4(0) else code
+                code = DARK if (light[x] < dark) & (not bright) else code
+                code = SATURATED if bright else code
+                code = OUTSIDE_IMAGE if outside else code
+                hopeless = (outside | vaguer | (not inside_limits) | (trusts[x] < -MOST_ODDS)
+                            | ((light[x] < PITCH_DARK) & (not bright)))
                 spreads[x] = spread
-                certainties[x] = logistic(odds)
+                sums[x] = HOPELESS if hopeless else (
+                    trusts[x] + (hidden_odds if is_hidden else F4(0)))
                 codes[x] = F4(code)
             for x in range(count):
                 std[y, left + x] = spreads[x]
-                confidence[y, left + x] = certainties[x]
-                status[y, left + x] = np.uint8(codes[x])
+                odds[y, left + x] = sums[x]
+                reason[y, left + x] = np.uint8(codes[x])
+        odds[y, PAD - 1] = odds[y, PAD]
+        odds[y, PAD + columns] = odds[y, PAD + columns - 1]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
@@ -1112,32 +1118,81 @@ def logistic(odds):
     return F4(1) / (F4(1) + power)
 
 
-@banded(fastmath=FAST)
-def expand(k, d, a, b, std, confidence, status, rows, columns, limits, focal_baseline, offset,
-           disparity, depth, out_std, out_confidence, out_status):
-    """
-    Evaluate the planes of the valid nodes at every pixel, and triangulate.
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def bounded(odds):
+    """Return log-odds within what interpolation may take over from a neighbor."""
+    return min(max(odds, LEAST_ODDS), MOST_ODDS)
 
-    Z = focal_baseline / (d - offset). Pixels beyond the last whole node take the nearest one.
-    Where there is no range, disparity, depth and out_std are NaN and confidence is 0.
+
+@banded(fastmath=FAST)
+def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline, offset,
+           least_odds, disparity, depth, out_std, out_confidence, out_status):
+    """
+    Evaluate the planes of the nodes at every pixel, decide which count, and triangulate.
+
+    Z = focal_baseline / (d - offset). Log-odds of a pixel: OWN_SHARE of its node's, the rest
+    bilinear between the nodes around, so that a pixel next to doubtful nodes is doubted more than
+    that on the other side of its node; below least_odds it has no range. Pixels beyond the last
+    whole node take the nearest one. Where there is no range, disparity, depth and out_std are NaN
+    and confidence is 0.
 
     """
     height, width = disparity.shape
+    lowest, highest = limits[0], limits[1]
+    near, far, shared = F4(0.75), F4(0.25), F4(1) - OWN_SHARE
     first, last = band(k, height)
+    mixed = stack_row()
+    even = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    odd = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
     for v in range(first, last):
-        y = min(v >> 1, rows - 1)
-        lean_y = F4(0.5) * (F4(v - 2 * y) - F4(0.5))
-        row = y + PAD
-        for u in range(width):
-            at = min(u >> 1, columns - 1) + PAD
-            lean_x = F4(0.5) * (F4(u - 2 * (at - PAD)) - F4(0.5))
-            value = d[row, at] + a[row, at] * lean_x + b[row, at] * lean_y
-            code = status[row, at]
-            inside = (value >= limits[0]) & (value <= limits[1])
-            code = OUT_OF_RANGE if (code == VALID) & (not inside) else code
-            valid = code == VALID
-            disparity[v, u] = value if valid else NAN
-            depth[v, u] = focal_baseline / (value - offset) if valid else NAN
-            out_std[v, u] = std[row, at] if valid else NAN
-            out_confidence[v, u] = confidence[row, at] if valid else F4(0)
-            out_status[v, u] = code
+        row = min(v >> 1, rows - 1)
+        below = v > 2 * row
+        y, other = row + PAD, min(max(row + (1 if below else -1), 0), rows - 1) + PAD
+        lean_y = F4(0.5) * (F4(v - 2 * row) - F4(0.5))
+        for start in range(0, columns, TILE_COLUMNS):
+            count = min(TILE_COLUMNS, columns - start)
+            left, right = start + PAD, start + PAD + count
+            here, there = odds[y, left - 1:right + 1], odds[other, left - 1:right + 1]
+            dd, aa, bb = d[y, left:right], a[y, left:right], b[y, left:right]
+            noise, reasons = std[y, left:right], reason[y, left:right]
+            for x in range(count + 2):
+                mixed[x] = near * bounded(here[x]) + far * bounded(there[x])
+            # an odd last column has no node of its own
+            sides = 3 if (right == columns + PAD) & (width > 2 * columns) else 2
+            for side in range(sides):
+                values, depths, spreads, certainties, codes = odd if side == 1 else even
+                lean_x = F4(0.5) * (F4(side) - F4(0.5))
+                beside = 2 * min(side, 1)  # the neighbor in mixed
+                for x in range(count):
+                    value = dd[x] + aa[x] * lean_x + bb[x] * lean_y
+                    certainty = OWN_SHARE * bounded(here[x + 1]) + shared * (
+                        near * mixed[x + 1] + far * mixed[x + beside])
+                    sure = (certainty >= least_odds) & (here[x + 1] > HOPELESS)
+                    valid = sure & (value >= lowest) & (value <= highest)
+                    code = OUT_OF_RANGE if sure else reasons[x]
+                    values[x] = value if valid else NAN
+                    depths[x] = focal_baseline / (value - offset) if valid else NAN
+                    spreads[x] = noise[x] if valid else NAN
+                    certainties[x] = logistic(certainty) if valid else F4(0)
+                    codes[x] = F4(VALID if valid else code)
+                if side == 1:
+                    begin, end = 2 * start, 2 * (start + count)
+                    interleave(even[0], odd[0], disparity[v, begin:end])
+                    interleave(even[1], odd[1], depth[v, begin:end])
+                    interleave(even[2], odd[2], out_std[v, begin:end])
+                    interleave(even[3], odd[3], out_confidence[v, begin:end])
+                    interleave(even[4], odd[4], out_status[v, begin:end])
+                if side == 2:
+                    at = count - 1
+                    disparity[v, width - 1], depth[v, width - 1] = values[at], depths[at]
+                    out_std[v, width - 1] = spreads[at]
+                    out_confidence[v, width - 1] = certainties[at]
+                    out_status[v, width - 1] = np.uint8(codes[at])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def interleave(even, odd, out):
+    """Write the numbers of two stack rows in turn."""
+    for x in range(out.size // 2):
+        out[2 * x] = even[x]
+        out[2 * x + 1] = odd[x]

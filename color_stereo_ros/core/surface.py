@@ -125,7 +125,7 @@ class SurfaceMethod:
         self.copy_planes()
         self.weight, self.moment, self.variance, self.cost = (
             arena.zeros(shape, F4) for _ in range(4))
-        self.trust, self.std, self.confidence = (arena.zeros(shape, F4) for _ in range(3))
+        self.trust, self.std, self.odds = (arena.zeros(shape, F4) for _ in range(3))
         # seeds that nothing compares count as fitting, as their cost does
         self.misfit = arena.full(shape, np.nan if settings.matching.refinements else 1.0, F4)
         self.evidence = arena.empty((len(MODEL) - 1, *self.nodes), F4)
@@ -133,7 +133,7 @@ class SurfaceMethod:
         self.balance = arena.zeros((2, *samples), F4)
         self.hidden = arena.zeros(shape, bool)
         self.owners = arena.empty((BANDS, width), np.int32)
-        self.status = arena.zeros(shape, np.uint8)
+        self.reason = arena.zeros(shape, np.uint8)
         self.segments = arena.empty((4, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
         self.matrix, self.scale, self.noise_weight = np.eye(2, 3, dtype=F4), F4(1), F4(1)
@@ -306,12 +306,12 @@ class SurfaceMethod:
         if self.settings.matching.occlusion_test:
             kernels.find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
                                 SEPARATE, self.hidden, self.owners)
-        color, least = self.settings.color, self.settings.matching.min_confidence
+        color = self.settings.color
         kernels.settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust,
                        self.hidden, self.left.peak, self.left.s, *self.nodes,
                        self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
-                       F4(color.min_signal), HIDDEN_ODDS, log_odds(least), self.vague,
-                       self.std, self.confidence, self.status)
+                       F4(color.min_signal), HIDDEN_ODDS, self.vague, self.std, self.odds,
+                       self.reason)
 
     def usual_balance(self):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
@@ -349,10 +349,11 @@ class SurfaceMethod:
         shape = self.geometry.height, self.geometry.width
         disparity, depth, std, confidence = np.empty((4, *shape), F4)
         status = np.empty(shape, np.uint8)
-        kernels.expand(*self.planes, self.std, self.confidence, self.status, *self.nodes,
+        kernels.expand(*self.planes, self.std, self.odds, self.reason, *self.nodes,
                        self.limits, F4(self.geometry.focal_baseline),
-                       F4(self.geometry.principal_offset), disparity, depth, std, confidence,
-                       status)
+                       F4(self.geometry.principal_offset),
+                       log_odds(self.settings.matching.min_confidence), disparity, depth, std,
+                       confidence, status)
         clock.lap('expand')
         return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
                            status=status, depth=depth)
