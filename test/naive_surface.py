@@ -340,8 +340,8 @@ def shifted_mean(misfits, y, x):
     return min(np.mean([misfits[y + j + v, x + i + u] for v, u in WINDOW]) for j, i in WINDOW)
 
 
-def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step):
-    """Return d, a, b and cost, NaN outside the tiles."""
+def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step, own_cost=None):
+    """Return d, a, b and cost, NaN outside the tiles; own_cost: of the planes, if judged."""
     out = np.full((4, *planes.shape[1:]), np.nan)
     for tile in tiles:
         if not any(planes[0][node] > -np.inf for node in tile_nodes(tile, step + HALO)):
@@ -353,6 +353,8 @@ def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step):
                             for y, x in tile_nodes(tile, HALO)} for j, i in CROSS}
         for y, x in tile_nodes(tile):
             costs = {side: shifted_mean(misfits[side], y, x) for side in CROSS}
+            if own_cost is not None:
+                costs[0, 0] = own_cost[y, x]
             best = min(CROSS, key=lambda side: costs[side] - inertia * (side == (0, 0)))
             j, i = best[0] * step, best[1] * step
             d, a, b = planes[:, y + j, x + i]
@@ -491,7 +493,8 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
             (Status.NO_MATCH, cost[node] > 0.3 * CEILING),
             (Status.IMPLAUSIBLE, True)]
         reason[row, column] = next(code for code, holds in reasons if holds)
-        hopeless = (peak[node] < 0 or variance[node] > vague ** 2 or trust[node] < -kernels.MOST_ODDS
+        hopeless = (peak[node] < 0 or variance[node] > vague ** 2
+                    or trust[node] < -kernels.MOST_ODDS
                     or not limits[0] <= d[node] <= limits[1]
                     or s[node] < kernels.PITCH_DARK and not bright)
         odds[row, column] = kernels.HOPELESS if hopeless else (

@@ -349,15 +349,20 @@ def test_smooth_tiles_hold_one_surface(seed, change):
     assert smooth[0] == (change in ('nothing', 'dark', 'dark jump'))
 
 
+@pytest.mark.parametrize('judged', [False, True])
 @pytest.mark.parametrize('step, tiles', [(1, TILES), (4, TILES[:1]), (2, TILES[2:])])
-def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles):
+def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged):
     left, right = views(20)
     shape = planes(21, unknown_share=0.15)
     out = unknown(4)
+    out[3] = np.random.default_rng(23).uniform(5, 30, SHAPE)
+    own_cost = out[3].copy() if judged else None
     kernels.propagate(*left, *right, MATRIX, F4(1.3), surface.TRUNCATION, F4(0.5), *shape,
-                      tiles, step, *out)
+                      tiles, step, judged, *out)
     expected = naive.propagate(left.astype(float), right.astype(float), MATRIX.astype(float), 1.3,
-                               float(surface.TRUNCATION), 0.5, shape, tiles, step)
+                               float(surface.TRUNCATION), 0.5, shape, tiles, step, own_cost)
+    inside = np.isfinite(expected[3])
+    out[3][~inside] = np.nan
     np.testing.assert_allclose(out[3], expected[3], rtol=1e-3, atol=1e-3)
     same = np.isclose(out[:3], expected[:3], rtol=1e-4, atol=1e-4, equal_nan=True)
     assert same.mean() > 0.998  # two planes may fit equally well to float32 rounding
@@ -367,7 +372,7 @@ def test_tiles_far_from_any_plane_stay_unknown():
     left, right = views(22)
     out = np.zeros((4, *SHAPE), F4)
     kernels.propagate(*left, *right, MATRIX, F4(1), surface.TRUNCATION, F4(0.5),
-                      *unknown(3), TILES, 2, *out)
+                      *unknown(3), TILES, 2, False, *out)
     assert np.isnan(out[0][INNER]).all()
     assert (out[3][INNER] == surface.TRUNCATION).all()
 

@@ -652,12 +652,12 @@ def best_shifted_mean(misfit, mean, cost):
 
 @banded()
 def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap,
-              inertia, d, a, b, tiles, step, new_d, new_a, new_b, cost):
+              inertia, d, a, b, tiles, step, judged, new_d, new_a, new_b, cost):
     """
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
 
     A node takes the plane that fits best (see `best_shifted_mean`); its own one is favored by
-    `inertia`. Reads d, a, b, writes new_* and cost in the tiles only. Tiles without any known
+    `inertia` and costs what cost says if it is `judged`, by an earlier call. Reads d, a, b, writes new_* and cost in the tiles only. Tiles without any known
     plane in reach stay unknown, at a cost of `cap`.
 
     """
@@ -677,9 +677,14 @@ def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
         for candidate in range(5):
             step_y = step * ((candidate == 2) - (candidate == 1))
             step_x = step * ((candidate == 4) - (candidate == 3))
-            patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale,
-                         cap, d, a, b, top, left, step_y, step_x, misfit)
-            best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
+            if candidate == 0 and judged:
+                for y in range(TILE_ROWS):
+                    for x in range(TILE_COLUMNS):
+                        best[y, x] = cost[top + y, left + x]
+            else:
+                patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale,
+                             cap, d, a, b, top, left, step_y, step_x, misfit)
+                best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
             take_better(trial, inertia, d, a, b, top, left, step_y, step_x, candidate == 0,
                         best, new_d, new_a, new_b, cost)
 

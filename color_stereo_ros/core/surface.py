@@ -261,10 +261,11 @@ class SurfaceMethod:
         tiles = self.tiles[~self.smooth(self.tiles, kernels.HALO)]
         self.copy_planes()
         left, right = self.left, self.right
-        for step in steps:
+        for turn, step in enumerate(steps):
+            # the planes of the first call cost what it found
             kernels.propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
                               self.matrix, self.scale, TRUNCATION, self.inertia, *self.planes,
-                              tiles, step, *self.spare, self.cost)
+                              tiles, step, turn > 0, *self.spare, self.cost)
             self.planes, self.spare = self.spare, self.planes
         return tiles
 
