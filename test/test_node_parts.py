@@ -350,6 +350,24 @@ def test_the_helper_goes_through_all_stages():
                    env=environment, cwd=Path(__file__).parents[1])
 
 
+WARM = """
+import inspect, re
+from color_stereo_ros.core import coarse_search, ColorStereo, surface
+from color_stereo_ros.core.warm_up import some_calibration
+ColorStereo(some_calibration())
+for module in (coarse_search, surface):
+    for name in re.findall(r'kernels\\.(\\w+)\\(', inspect.getsource(module)):
+        assert getattr(module.kernels, name).signatures, name
+        print(name)
+"""
+
+
+def test_some_pair_of_some_rig_goes_through_every_kernel():
+    names = subprocess.run([sys.executable, '-c', WARM], check=True, capture_output=True,
+                           text=True).stdout.split()
+    assert len(names) > 10
+
+
 # ---- files of points
 
 def cloud():
