@@ -137,6 +137,8 @@ class SurfaceMethod:
         self.segments = arena.empty((4, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
         self.matrix, self.scale, self.noise_weight = np.eye(2, 3, dtype=F4), F4(1), F4(1)
+        if settings.matching.refinements:
+            self.color_matrix()  # the black pair that warms the kernels does not come that far
 
     def measure(self, left, right, clock):
         """
