@@ -7,7 +7,7 @@ from pathlib import Path
 SUMMARY = 'measure times beside OpenCV\'s matchers, and range_node through real DDS'
 
 RATES = 30.0, 60.0  # Hz
-STARTS = 5  # of range_node, of which the median counts: discovery takes its time now and then
+STARTS = 5  # of range_node, of which the median counts
 PARTS = 'times', 'first', 'node'
 
 
