@@ -292,7 +292,7 @@ def fitted_plane(weight, moment, last, y, x, window, noise_weight, ridge, steepe
     held = normal + ridge * total * np.diag([0, 1, 1])
     slopes = np.linalg.solve(held, pulled + ridge * total * np.array([0, last[1], last[2]]))[1:]
     slopes = np.clip(slopes, -steepest, steepest)
-    signal = total - noise_weight * len(window)
+    signal = total - noise_weight * sum(weight[y + j, x + i] > 0 for j, i in window)
     variance = np.linalg.inv(held)[0, 0] * total / signal if signal > 0.02 * total else np.inf
     return reference + pulled[0] / total - means @ slopes, *slopes, variance
 

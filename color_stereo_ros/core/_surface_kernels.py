@@ -35,7 +35,7 @@ RADIUS = 4  # of the least-squares window, nodes
 SPAN = 2 * RADIUS + 1
 WIDE_RADIUS = 7  # likewise where one surface fills a tile and as much around it
 JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
-FLAT = F4(1.0)  # a chromaticity variance that carries no information
+FLAT = F4(4.0)  # a chromaticity variance, before its scale is measured, without information
 LEAST_WEIGHT = F4(1e-2)  # px^-2 of a window: less is rounding
 NAN = F4(np.nan)
 CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
@@ -307,8 +307,9 @@ def smooth_sums(weight, moment, top, left, radius, sums):
     reach = F4(radius)
     w0, w1, w2, z0, z1 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
     m0, m1, m2, m3, m4 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
-    m5, m6, m7, m8 = stack_row(), stack_row(), stack_row(), stack_row()
-    for row in (w0, w1, w2, z0, z1):
+    m5, m6, m7, m8, m9 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    count = stack_row()
+    for row in (w0, w1, w2, z0, z1, count):
         for x in range(wide):
             row[x] = F4(0)
     for j in range(-radius - 1, radius):  # the window of the row above the tile
@@ -320,6 +321,7 @@ def smooth_sums(weight, moment, top, left, radius, sums):
             w2[x] += w[x] * (step * step)
             z0[x] += z[x]
             z1[x] += z[x] * step
+            count[x] += F4(1) if w[x] > F4(0) else F4(0)
     for y in range(TILE_ROWS):
         row = top + y
         old_w, old_z = weight[row - 1 - radius, start:stop], moment[row - 1 - radius, start:stop]
@@ -335,6 +337,8 @@ def smooth_sums(weight, moment, top, left, radius, sums):
             w2[x] = s2 - s1 - s1 + s0 + (reach * reach) * new_w[x]
             z0[x] = t0 + new_z[x]
             z1[x] = t1 - t0 + reach * new_z[x]
+            count[x] += (F4(1) if new_w[x] > F4(0) else F4(0)) - (
+                F4(1) if old_w[x] > F4(0) else F4(0))
         for x in range(TILE_COLUMNS):
             s0, s1, s3 = F4(0), F4(0), F4(0)
             for i in range(2 * radius + 1):
@@ -344,13 +348,14 @@ def smooth_sums(weight, moment, top, left, radius, sums):
                 s3 += w0[x + i] * (step * step)
             m0[x], m1[x], m3[x] = s0, s1, s3
         for x in range(TILE_COLUMNS):
-            s2, s4, s5 = F4(0), F4(0), F4(0)
+            s2, s4, s5, number = F4(0), F4(0), F4(0), F4(0)
             for i in range(2 * radius + 1):
                 step = F4(i - radius)
                 s2 += w1[x + i]
                 s4 += w1[x + i] * step
                 s5 += w2[x + i]
-            m2[x], m4[x], m5[x] = s2, s4, s5
+                number += count[x + i]
+            m2[x], m4[x], m5[x], m9[x] = s2, s4, s5, number
         for x in range(TILE_COLUMNS):
             t0, t1, t2 = F4(0), F4(0), F4(0)
             for i in range(2 * radius + 1):
@@ -359,8 +364,7 @@ def smooth_sums(weight, moment, top, left, radius, sums):
                 t1 += z0[x + i] * step
                 t2 += z1[x + i]
             m6[x], m7[x], m8[x] = t0, t1, t2
-        copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8), sums[y])
-        sums[y, 9] = F4((2 * radius + 1) * (2 * radius + 1))
+        copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8, m9), sums[y])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -379,7 +383,7 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums):
 
     A node counts where its own disparity is within `gate` of the plane of the center; of the
     window rows every `stride`-th is looked at. sums is (10, TILE_COLUMNS): the moments 1, x, y,
-    xx, xy, yy of weight and 1, x, y of moment, and the number of nodes.
+    xx, xy, yy of weight and 1, x, y of moment, and the number of nodes that weigh something.
 
     """
     dc = d[y, left:left + TILE_COLUMNS]
@@ -414,7 +418,7 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums):
                 s2[x] += w * (step * step)
                 t0[x] += z
                 t1[x] += z * step
-                count[x] += F4(1) if near else F4(0)
+                count[x] += F4(1) if w > F4(0) else F4(0)
         for x in range(TILE_COLUMNS):
             m0[x] += s0[x]
             m1[x] += s1[x]

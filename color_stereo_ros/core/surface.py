@@ -234,10 +234,12 @@ class SurfaceMethod:
 
         """
         step = F4(STEADY[turn])
-        reach = np.where(self.smooth(tiles, kernels.RADIUS, step), np.int8(kernels.RADIUS),
-                         np.int8(0))
+        reach = np.zeros(len(tiles), np.int8)
+        smooth = np.flatnonzero(self.smooth(tiles, kernels.RADIUS, step))
+        reach[smooth] = kernels.RADIUS
         if turn > 0:  # planes of seeds are too rough to tell how far a surface goes
-            reach[self.smooth(tiles, kernels.WIDE_RADIUS, step)] = kernels.WIDE_RADIUS
+            wide = self.smooth(tiles[smooth], kernels.WIDE_RADIUS, step)
+            reach[smooth[wide]] = kernels.WIDE_RADIUS
         if len(tiles) < len(self.tiles):
             self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
