@@ -243,13 +243,14 @@ def linearize(left, right, matrix, d, tiles, robust, scale, reference):
     return out
 
 
-def even_blur(u, gain_x, gain_y):
-    """Return a chromaticity with second differences added, without the outermost nodes."""
-    out = np.zeros((u.shape[0] - 2, u.shape[1] - 2))
-    for y, x in nodes_of(out.shape):
-        at = y + 1, x + 1
-        out[y, x] = u[at] + (gain_x[at] * (u[y + 1, x] - 2 * u[at] + u[y + 1, x + 2])
-                             + gain_y[at] * (u[y, x + 1] - 2 * u[at] + u[y + 2, x + 1]))
+def widen(u, gain_x, gain_y):
+    """Return a chromaticity with second differences added, borders repeated, ends of rows kept."""
+    out = u.copy()
+    for y, x in nodes_of(u.shape):
+        if 0 < x < u.shape[1] - 1:
+            above, below = u[max(y - 1, 0), x], u[min(y + 1, u.shape[0] - 1), x]
+            out[y, x] += (gain_x[y, x] * (u[y, x - 1] - 2 * u[y, x] + u[y, x + 1])
+                          + gain_y[y, x] * (above - 2 * u[y, x] + below))
     return out
 
 

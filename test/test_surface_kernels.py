@@ -110,13 +110,15 @@ def test_channel_levels_are_dark_level_and_mean_above(known_dark, step, brightes
     np.testing.assert_allclose([dark, mean], expected, rtol=1e-4)
 
 
-def test_colors_are_sampled_between_pixels_with_a_variance():
+@pytest.mark.parametrize('rows', [3, 9, 29])
+@pytest.mark.parametrize('widened', [False, True])
+def test_colors_are_sampled_between_pixels_with_a_variance(rows, widened):
     rng = np.random.default_rng(2)
     height, width = 11, 14
     box = rng.integers(0, 1021, (height, width, 3))
     box[rng.random(box.shape[:2]) < 0.1] = 40   # black
     box[rng.random(box.shape[:2]) < 0.1] = 1020
-    shape = 9, 2 * kernels.LENGTH + 3
+    shape = rows, 2 * kernels.LENGTH + 3
     row, column = rng.integers(0, height - 1, shape), rng.integers(0, width - 1, shape)
     index = (row * width + column).astype(np.int32)
     index[rng.random(index.shape) < 0.2] = -1
@@ -124,10 +126,14 @@ def test_colors_are_sampled_between_pixels_with_a_variance():
     dark, gain = np.array([2, 30, 5], F4), np.array([1.2, 0.7, 1.0], F4)
     packed = (box << (0, 10, 20)).sum(axis=-1).astype(np.uint32)
     out = np.full((5, *index.shape), 9, F4)
+    widening = rng.uniform(-0.25, 0.25, (2, *shape) if widened else (2, 0, 0)).astype(F4)
+    ring = np.empty((BANDS, 3, 3, shape[1]), F4)
     kernels.sample_colors(packed.reshape(-1), index, frac_x, frac_y, np.uint32(width), dark, gain,
-                          surface.SOFT, F4(230), surface.NOISE, *out)
-    expected = naive.sample_colors(box, index, frac_x, frac_y, dark, gain, float(surface.SOFT),
-                                   230, surface.NOISE)
+                          surface.SOFT, F4(230), surface.NOISE, widening, ring, *out)
+    expected = list(naive.sample_colors(box, index, frac_x, frac_y, dark, gain,
+                                        float(surface.SOFT), 230, surface.NOISE))
+    if widened:
+        expected[:2] = [naive.widen(plane, *widening) for plane in expected[:2]]
     np.testing.assert_allclose(out, np.stack(expected), rtol=1e-4, atol=1e-4)
     assert (out[4] < kernels.FLAT).any() and (out[4][index >= 0] == kernels.FLAT).any()
 
@@ -273,17 +279,6 @@ def test_one_step_from_the_linearization_recovers_a_disparity():
                       F4(3), weight, moment, unknown(1)[0])
     inside = weight > 0
     np.testing.assert_allclose(3 + moment[inside] / weight[inside], 7.3, atol=0.02)
-
-
-def test_kernels_are_widened_and_narrowed_by_second_differences():
-    rng = np.random.default_rng(33)
-    shape = 7, 2 * kernels.LENGTH + 5
-    u, v, out_u, out_v = rng.normal(0, 1, (4, *shape)).astype(F4)
-    gain = rng.uniform(-0.25, 0.25, (2, *shape)).astype(F4)
-    kernels.even_blur(u, v, *gain, out_u, out_v)
-    for found, given in ((out_u, u), (out_v, v)):
-        np.testing.assert_allclose(found[1:-1, 1:-1], naive.even_blur(given, *gain), atol=1e-5)
-        np.testing.assert_array_equal(found[:, [0, -1]], given[:, [0, -1]])
 
 
 def fit_inputs(seed):

@@ -118,8 +118,8 @@ def channel_levels(pixels, step, known_dark, darkest, dark, mean):
 
 
 @banded(fastmath=FAST)
-def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v,
-                  s, peak, variance):
+def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise,
+                  widening, ring, u, v, s, peak, variance):
     """
     Rectify: sample box sums bilinearly at mapped positions and turn them into chromaticity.
 
@@ -131,91 +131,113 @@ def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, satur
     says nothing: outside, from the peak `saturation` on, or black. Outside u = v = s = 0,
     peak = -1.
 
+    widening, float32 (2, h, w) along rows and columns, evens out what nodes see through, see
+    `widen_row`; (2, 0, 0): nothing is to be done. ring is float32 (BANDS, 3, 3, w): the last three
+    rows of u and v, and what a band has to sample of the bands beside it.
+
     """
-    rows, columns = index.shape
+    rows = index.shape[0]
+    first, last = band(k, rows)
+    if first == last:
+        return
+    plain = widening.shape[1] == 0
+    low, high = (first, last) if plain else (max(first - 1, 0), min(last + 1, rows))
+    us, vs, spare = ring[k, 0], ring[k, 1], ring[k, 2]
+    for y in range(low, high + 1):
+        if y < high:
+            own = (y >= first) & (y < last)
+            sample_row(box, index[y], frac_x[y], frac_y[y], stride, dark, gain, soft, saturation,
+                       noise, u[y] if plain else us[y % 3], v[y] if plain else vs[y % 3],
+                       s[y] if own else spare[0], peak[y] if own else spare[1],
+                       variance[y] if own else spare[2])
+        here = y - 1
+        if (not plain) & (here >= first) & (here < last):
+            above, below = max(here - 1, 0) % 3, min(here + 1, rows - 1) % 3
+            widen_row(us[above], us[here % 3], us[below], vs[above], vs[here % 3], vs[below],
+                      widening[0, here], widening[1, here], u[here], v[here])
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def sample_row(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v, s,
+               peak, variance):
+    """Sample one row of nodes, see `sample_colors`."""
+    columns = index.size
     dark_r, dark_g, dark_b = dark[0], dark[1], dark[2]
     gain_r, gain_g, gain_b = gain[0], gain[1], gain[2]
     floor, shot, relative = noise
     root3, one, zero = F4(math.sqrt(3.0)), F4(1), F4(0)
     quarter, ten_bits = F4(0.25), U4(1023)
-    first, last = band(k, rows)
     us, vs, totals = stack_row(), stack_row(), stack_row()
     peaks, spreads = stack_row(), stack_row()
-    for y in range(first, last):
-        for start in range(0, columns, LENGTH):
-            stop = min(start + LENGTH, columns)
-            places = index[y, start:stop]
-            row_x, row_y = frac_x[y, start:stop], frac_y[y, start:stop]
-            for x in range(stop - start):
-                outside = places[x] < 0
-                p = U4(0 if outside else places[x])
-                q = U4(p + stride)
-                c00, c01, c10, c11 = box[p], box[U4(p + U4(1))], box[q], box[U4(q + U4(1))]
-                fx, fy = row_x[x], row_y[x] * quarter
-                gx, gy = one - fx, quarter - fy
-                w00, w01, w10, w11 = gx * gy, fx * gy, gx * fy, fx * fy
-                r = (w00 * F4(I4(c00 & ten_bits)) + w01 * F4(I4(c01 & ten_bits))
-                     + w10 * F4(I4(c10 & ten_bits)) + w11 * F4(I4(c11 & ten_bits)))
-                g = (w00 * F4(I4((c00 >> U4(10)) & ten_bits))
-                     + w01 * F4(I4((c01 >> U4(10)) & ten_bits))
-                     + w10 * F4(I4((c10 >> U4(10)) & ten_bits))
-                     + w11 * F4(I4((c11 >> U4(10)) & ten_bits)))
-                b = (w00 * F4(I4(c00 >> U4(20))) + w01 * F4(I4(c01 >> U4(20)))
-                     + w10 * F4(I4(c10 >> U4(20))) + w11 * F4(I4(c11 >> U4(20))))
-                highest = max(r, max(g, b))
-                r = max(r - dark_r, zero) * gain_r
-                g = max(g - dark_g, zero) * gain_g
-                b = max(b - dark_b, zero) * gain_b
-                total = r + g + b
-                scale = one / (total + soft)
-                inverse = one / max(total, F4(1e-3))
-                spread = relative + inverse * (shot + floor * inverse)
-                silent = outside | (highest >= saturation) | (spread > FLAT)
-                us[x] = zero if outside else (r + r - g - b) * scale
-                vs[x] = zero if outside else (g - b) * (scale * root3)
-                totals[x] = zero if outside else total
-                peaks[x] = -one if outside else highest
-                spreads[x] = FLAT if silent else spread
-            for x in range(stop - start):
-                u[y, start + x] = us[x]
-                v[y, start + x] = vs[x]
-                s[y, start + x] = totals[x]
-                peak[y, start + x] = peaks[x]
-                variance[y, start + x] = spreads[x]
+    for start in range(0, columns, LENGTH):
+        stop = min(start + LENGTH, columns)
+        places = index[start:stop]
+        row_x, row_y = frac_x[start:stop], frac_y[start:stop]
+        for x in range(stop - start):
+            outside = places[x] < 0
+            p = U4(0 if outside else places[x])
+            q = U4(p + stride)
+            c00, c01, c10, c11 = box[p], box[U4(p + U4(1))], box[q], box[U4(q + U4(1))]
+            fx, fy = row_x[x], row_y[x] * quarter
+            gx, gy = one - fx, quarter - fy
+            w00, w01, w10, w11 = gx * gy, fx * gy, gx * fy, fx * fy
+            r = (w00 * F4(I4(c00 & ten_bits)) + w01 * F4(I4(c01 & ten_bits))
+                 + w10 * F4(I4(c10 & ten_bits)) + w11 * F4(I4(c11 & ten_bits)))
+            g = (w00 * F4(I4((c00 >> U4(10)) & ten_bits))
+                 + w01 * F4(I4((c01 >> U4(10)) & ten_bits))
+                 + w10 * F4(I4((c10 >> U4(10)) & ten_bits))
+                 + w11 * F4(I4((c11 >> U4(10)) & ten_bits)))
+            b = (w00 * F4(I4(c00 >> U4(20))) + w01 * F4(I4(c01 >> U4(20)))
+                 + w10 * F4(I4(c10 >> U4(20))) + w11 * F4(I4(c11 >> U4(20))))
+            highest = max(r, max(g, b))
+            r = max(r - dark_r, zero) * gain_r
+            g = max(g - dark_g, zero) * gain_g
+            b = max(b - dark_b, zero) * gain_b
+            total = r + g + b
+            scale = one / (total + soft)
+            inverse = one / max(total, F4(1e-3))
+            spread = relative + inverse * (shot + floor * inverse)
+            silent = outside | (highest >= saturation) | (spread > FLAT)
+            us[x] = zero if outside else (r + r - g - b) * scale
+            vs[x] = zero if outside else (g - b) * (scale * root3)
+            totals[x] = zero if outside else total
+            peaks[x] = -one if outside else highest
+            spreads[x] = FLAT if silent else spread
+        for x in range(stop - start):
+            u[start + x] = us[x]
+            v[start + x] = vs[x]
+            s[start + x] = totals[x]
+            peak[start + x] = peaks[x]
+            variance[start + x] = spreads[x]
 
 
-@banded(fastmath=FAST)
-def even_blur(k, u, v, gain_x, gain_y, out_u, out_v):
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def widen_row(u0, u1, u2, v0, v1, v2, gain_x, gain_y, out_u, out_v):
     """
-    Add second differences along rows and columns to chromaticities, each times its gain.
+    Add second differences along and across a row to its chromaticities, each times its gain.
 
-    All arrays have one shape; the outermost nodes are copied. A gain g widens the kernel through
-    which a node sees by 2 g in variance, nodes^2; a negative one narrows it.
+    u0, u1, u2 are the row above, the row and the row below; the outermost nodes are copied. A
+    gain g widens the kernel through which a node sees by 2 g in variance, nodes^2; a negative one
+    narrows it.
 
     """
-    rows, columns = u.shape
+    last = u1.size - 1
     one, two = F4(1), F4(2)
-    first, last = band(k, rows)
-    us, vs = stack_row(), stack_row()
-    for y in range(first, last):
-        above, below = max(y - 1, 0), min(y + 1, rows - 1)
-        for place in (0, columns - 1):
-            out_u[y, place], out_v[y, place] = u[y, place], v[y, place]
-        for start in range(1, columns - 1, LENGTH):
-            count = min(LENGTH, columns - 1 - start)
-            stop = start + count
-            gx, gy = gain_x[y, start:stop], gain_y[y, start:stop]
-            u0, u1, u2 = u[above, start:stop], u[y, start - 1:stop + 1], u[below, start:stop]
-            v0, v1, v2 = v[above, start:stop], v[y, start - 1:stop + 1], v[below, start:stop]
-            for x in range(count):
-                own = one - two * (gx[x] + gy[x])
-                us[x] = (own * u1[x + 1] + gx[x] * (u1[x] + u1[x + 2])
-                         + gy[x] * (u0[x] + u2[x]))
-                vs[x] = (own * v1[x + 1] + gx[x] * (v1[x] + v1[x + 2])
-                         + gy[x] * (v0[x] + v2[x]))
-            for x in range(count):
-                out_u[y, start + x] = us[x]
-                out_v[y, start + x] = vs[x]
+    for place in (0, last):
+        out_u[place], out_v[place] = u1[place], v1[place]
+    before_u, here_u, after_u = u1[:last - 1], u1[1:last], u1[2:]
+    before_v, here_v, after_v = v1[:last - 1], v1[1:last], v1[2:]
+    above_u, below_u, above_v, below_v = u0[1:last], u2[1:last], v0[1:last], v2[1:last]
+    along, across = gain_x[1:last], gain_y[1:last]
+    inner_u, inner_v = out_u[1:last], out_v[1:last]
+    for x in range(inner_u.size):
+        own = one - two * (along[x] + across[x])
+        inner_u[x] = (own * here_u[x] + along[x] * (before_u[x] + after_u[x])
+                      + across[x] * (above_u[x] + below_u[x]))
+    for x in range(inner_v.size):
+        own = one - two * (along[x] + across[x])
+        inner_v[x] = (own * here_v[x] + along[x] * (before_v[x] + after_v[x])
+                      + across[x] * (above_v[x] + below_v[x]))
 
 
 @banded(fastmath=FAST)

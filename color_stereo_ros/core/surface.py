@@ -375,7 +375,8 @@ class View:
         self.box = arena.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
         self.kernel_variance = kernel_variance(camera, rows, columns, step_x, rectified)
-        self.sampled, self.gain = None, None
+        self.widening = np.empty((2, 0, 0), F4)
+        self.ring = arena.empty((BANDS, 3, 3, shape[1]), F4)
         self.u, self.v, self.s, self.peak, self.variance = (
             arena.zeros(shape, F4) for _ in range(5))
 
@@ -389,8 +390,8 @@ class View:
             return
         rows, columns = gain.shape[1:]
         first = kernels.PAD if step_x == 2 else 0
-        self.gain, self.sampled = arena.zeros((2, 2, *self.u.shape), F4)
-        self.gain[:, kernels.PAD:kernels.PAD + rows, first:first + columns] = gain
+        self.widening = arena.zeros((2, *self.u.shape), F4)
+        self.widening[:, kernels.PAD:kernels.PAD + rows, first:first + columns] = gain
 
     def load(self, image, color):
         """
@@ -418,12 +419,10 @@ class View:
         """
         kernels.box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
         gain = gains_of(mean) if color.equalize else np.ones(3, F4)
-        sampled = (self.u, self.v) if self.gain is None else self.sampled
         kernels.sample_colors(self.box.reshape(-1), *self.index, np.uint32(self.box.shape[1]),
-                              dark, gain, SOFT, F4(color.saturation_level - 1), NOISE, *sampled,
-                              self.s, self.peak, self.variance)
-        if self.gain is not None:
-            kernels.even_blur(*sampled, *self.gain, self.u, self.v)
+                              dark, gain, SOFT, F4(color.saturation_level - 1), NOISE,
+                              self.widening, self.ring, self.u, self.v, self.s, self.peak,
+                              self.variance)
         if blur:
             size = (1 + 2 * blur * self.columns_per_node, 1 + 2 * blur)
             for plane in (self.u, self.v):
