@@ -129,7 +129,7 @@ class MatchingSettings(Group):
         'surface', 'surface: coarse to fine with slanted surfaces (default); paper: the '
         'exhaustive search of the paper, sec. 2.2', choices=('surface', 'paper'))
     min_confidence: float = setting(
-        0.6, 'surface method: least probability of being right within 1 px; a larger value gives '
+        0.65, 'surface method: least probability of being right within 1 px; a larger value gives '
         'fewer and better ranges', minimum=0.0, maximum=1.0)
     smoothness: float = setting(
         1.0, 'surface method: how much the coarse search dislikes steps of the disparity, as a '
