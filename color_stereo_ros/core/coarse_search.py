@@ -76,6 +76,7 @@ class CoarseSearch:
             (2, 2 * depth + 3, max(each.cost.shape[2] for each in (self.upright, self.turned))),
             np.int16)
         self.disparity, self.clear = arena.empty((2, h, w), F4)
+        self.ambiguous = np.zeros((h, w), bool)  # places where only chance would decide
         self.best = arena.empty((BANDS, 2, w), np.int32)
 
     def search(self, left, right):
@@ -98,7 +99,8 @@ class CoarseSearch:
         kernels.winners(self.upright.total, self.first, self.least_gap, self.disparity, self.clear,
                         self.best)
         if self.least_gap > 0:
-            self.disparity[cv2.blur(self.clear, self.REGION) < self.CLEAR_SHARE] = np.nan
+            self.ambiguous = cv2.blur(self.clear, self.REGION) < self.CLEAR_SHARE
+            self.disparity[self.ambiguous] = np.nan
         return self.disparity
 
     def aggregate(self):

@@ -27,7 +27,7 @@ from ._band_kernels import BANDS
 from ._coarse_kernels import seed_planes
 from .coarse_search import CoarseSearch
 from .rectification import inside_image, raw_coordinates
-from .types import Measurement
+from .types import Measurement, Status
 
 F4 = np.float32
 SOFT = F4(3.0)      # DN: keeps the chromaticity of black finite
@@ -317,6 +317,18 @@ class SurfaceMethod:
                        self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
                        F4(color.min_signal), HIDDEN_ODDS, self.vague, self.std, self.odds,
                        self.reason)
+        if self.coarse.ambiguous.any():
+            self.explain_repetitions()
+
+    def explain_repetitions(self):
+        """Give nodes that have no plane because the pattern repeats there that reason."""
+        rows, columns = self.nodes
+        area = np.s_[kernels.PAD:kernels.PAD + rows, kernels.PAD:kernels.PAD + columns]
+        repeated = cv2.resize(self.coarse.ambiguous.view(np.uint8), (columns, rows),
+                              interpolation=cv2.INTER_NEAREST).view(bool)
+        reason = self.reason[area]
+        reason[repeated & (reason == Status.NO_MATCH)
+               & np.isnan(self.planes[0][area])] = Status.AMBIGUOUS
 
     def usual_balance(self):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
