@@ -3,7 +3,8 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
-from color_stereo_ros.core import CameraModel, ColorStereo, Status, StereoCalibration
+from color_stereo_ros.core import (CameraModel, ColorStereo, Settings, Status,
+                                   StereoCalibration, surface)
 from color_stereo_ros.core._arena import Arena
 from color_stereo_ros.core.coarse_search import CoarseSearch
 import numba
@@ -391,3 +392,66 @@ def test_repetitions_that_nothing_tells_apart_get_no_range(kind):
     result = ColorStereo(rig(320, 240), settings).process(*views)
     assert result.density < 0.02
     assert np.mean(result.status == Status.AMBIGUOUS) > 0.8
+
+
+def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 0.0)):
+    """Return a view whose nodes lie at all fractions of a raw pixel, and their places there."""
+    width, height = size
+    camera = np.array([[300.0, 0, width / 2], [0, 300.0, height / 2], [0, 0, 1]])
+    model = CameraModel('left', width, height, 'plumb_bob', np.array(distortion), camera,
+                        np.eye(3), np.hstack([camera * [[zoom], [zoom], [1]], np.zeros((3, 1))]))
+    rows, columns = height // 2, width // step_x - 1
+    shape = tuple(2 * surface.kernels.PAD + surface.whole(count, tile)
+                  for count, tile in zip((rows, columns), (8, 32)))
+    view = surface.View(model, rows, columns, step_x, shape, False, Arena())
+    first = surface.kernels.PAD if step_x == 2 else 0
+    area = np.s_[surface.kernels.PAD:surface.kernels.PAD + rows, first:first + columns]
+    return view, area, surface.raw_coordinates(
+        surface.half_grid_camera(model, rows, columns, step_x))
+
+
+def seen(view, image):
+    """Return the first chromaticity and which nodes have a color."""
+    color = Settings().color
+    view.load(image, color)
+    view.fill(np.zeros(3, np.float32), np.ones(3, np.float32), color, 0)
+    return view.u, view.index[0] >= 0
+
+
+def stripes(axis, size=(320, 240), period=7.0):
+    """Return an image, float, of colors that change along an axis, under even brightness."""
+    wave = np.cos(2 * np.pi / period * np.mgrid[:size[1], :size[0]][1 - axis])[..., None]
+    return 100 + wave * [80.0, -40.0, -40.0]
+
+
+@pytest.mark.parametrize('axis', [0, 1])
+@pytest.mark.parametrize('step_x', [1, 2])
+def test_nodes_between_pixels_see_as_sharp_as_those_upon_them(step_x, axis):
+    view, area, places = zoomed_view(step_x)
+    image = np.round(stripes(axis)).astype(np.uint8)
+    ideal = np.cos(2 * np.pi / 7.0 * places[axis])[8:-8, 8:-8]
+    left = []
+    for even in (False, True):
+        if even:
+            view.even_out(np.nanmedian(view.kernel_variance), Arena())
+            assert view.widening.size > 0
+        found = seen(view, image)[0][area][8:-8, 8:-8]
+        scale = (found * ideal).sum() / (ideal ** 2).sum()
+        left.append(np.sqrt(np.mean((found - scale * ideal) ** 2)))
+    assert left[1] < 0.6 * left[0]
+
+
+def test_evening_out_the_blur_takes_nothing_from_outside_the_image():
+    view, _, _ = zoomed_view(2, zoom=0.8, distortion=(0.15, 0.0, 0.0, 0.0))
+    view.even_out(1.0, Arena())
+    image = np.full((240, 320, 3), (180, 80, 40), np.uint8)
+    u, inside = seen(view, image)
+    assert not inside.all() and np.ptp(u[inside]) < 1e-5
+
+
+def test_a_lens_whose_distortion_folds_leaves_the_rest_of_the_image_alone():
+    view, area, _ = zoomed_view(2, zoom=0.5, distortion=(-0.35, 0.0, 0.0, 0.0))
+    known = view.kernel_variance[np.isfinite(view.kernel_variance)]
+    view.even_out(np.median(known), Arena())
+    center = view.widening[:, area[0], area[1]][:, 40:80, 50:110]
+    assert np.abs(center).max() < surface.MOST_GAIN

@@ -67,6 +67,7 @@ ADAPT_STEPS = 8, 4  # nodes between samples: thousands are left at 640 x 480
 PIXEL_VARIANCE = 0.75  # px^2, of a pixel behind a mosaic and the sum of two of them
 LEAST_GAIN, MOST_GAIN = 0.02, 0.25  # of second differences: worth the time, and still tame
 THINNED = 2         # nodes between samples
+FOLD = 0.1          # of the usual area of a node in the raw image: less is no image of anything
 SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
 APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
 DISCORD = F4(0.65)  # matches are chance,
@@ -103,9 +104,10 @@ class SurfaceMethod:
         self.right = View(calibration.right, rows, width - 1, 1, (shape[0], width),
                           rectified_input, arena)
         views = self.left, self.right
-        common = np.mean([np.nanmean(view.kernel_variance) for view in views])
+        known = np.concatenate([view.kernel_variance[np.isfinite(view.kernel_variance)]
+                                for view in views])
         for view in views:
-            view.even_out(common, arena)
+            view.even_out(np.median(known) if known.size else 0.0, arena)
         prior = Prior.of(settings.pattern, width)
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
@@ -404,6 +406,10 @@ class View:
         first = kernels.PAD if step_x == 2 else 0
         self.widening = arena.zeros((2, *self.u.shape), F4)
         self.widening[:, kernels.PAD:kernels.PAD + rows, first:first + columns] = gain
+        # second differences need neighbors, and outside the raw image there is no color
+        inside = (self.index[0] >= 0).astype(np.uint8)
+        surrounded = cv2.erode(inside, np.ones((3, 3), np.uint8), borderValue=0)
+        self.widening[:, surrounded == 0] = 0
 
     def load(self, image, color):
         """
@@ -573,6 +579,8 @@ def kernel_variance(camera, rows, columns, step_x, rectified):
     raw_x, raw_y = (PIXEL_VARIANCE + (each - 0.5) % 1 * (1 - (each - 0.5) % 1) for each in (x, y))
     (x_y, x_x), (y_y, y_x) = np.gradient(x, 2, step_x), np.gradient(y, 2, step_x)
     area = np.where(inside, x_x * y_y - x_y * y_x, np.nan)
+    # where the polynomial of a lens turns back there is no lens any more
+    area[~(area > FOLD * np.median(area[inside]) if inside.any() else inside)] = np.nan
     return np.stack([(y_y / area) ** 2 * raw_x + (x_y / area) ** 2 * raw_y,
                      (y_x / area) ** 2 * raw_x + (x_x / area) ** 2 * raw_y])
 
