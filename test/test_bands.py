@@ -77,6 +77,12 @@ def test_another_process_finds_the_kernel_in_the_cache_or_does_without(tmp_path,
     assert any(tmp_path.rglob('*mark*.nbc')) == (not options)
 
 
+@pytest.mark.parametrize('count', [0, 64])
+def test_more_bands_than_bits_are_refused(count):
+    with pytest.raises(ValueError, match=f'count = {count}'):
+        banded(count=count)
+
+
 def test_names_and_documentation_of_the_function_are_kept():
     assert mark.__name__ == 'mark'
     assert mark.__doc__.startswith('Write factor values')

@@ -15,7 +15,8 @@ from color_stereo_ros.nodes import cloud_files, worker as worker_module
 from color_stereo_ros.nodes.calibration_watch import CalibrationWatch
 from color_stereo_ros.nodes.cloud_files import save_cloud
 from color_stereo_ros.nodes.complaints import Complaints
-from color_stereo_ros.nodes.environment import defaults, LOCAL_PROFILE, PROFILE
+from color_stereo_ros.nodes.environment import (defaults, fast_dds_is_known, LOCAL_PROFILE,
+                                               PROFILE)
 from color_stereo_ros.nodes.outputs import Outputs
 from color_stereo_ros.nodes.parameters import RangeNodeSettings
 from color_stereo_ros.nodes.synchroniser import Pair
@@ -86,6 +87,16 @@ def test_how_far_discovery_reaches_is_not_touched_where_a_profile_could_not_say_
 
 def test_another_middleware_is_left_alone():
     assert defaults(HERE, 'rmw_cyclonedds_cpp') == {}
+
+
+def test_a_fast_dds_that_may_not_read_the_profiles_keeps_to_the_host_as_told(tmp_path):
+    assert list(defaults(HERE, FAST_DDS, reads_profiles=False)) == [
+        'RMW_FASTRTPS_PUBLICATION_MODE']
+    maps = tmp_path / 'maps'
+    for text, known in (('/opt/lib/libfastrtps.so.2.14', True), ('/lib/libfastdds.so.3.2', False)):
+        maps.write_text(text)
+        assert fast_dds_is_known(maps) == known
+    assert not fast_dds_is_known(tmp_path / 'missing')
 
 
 def test_the_profile_for_this_host_is_the_general_one_with_its_own_peers():

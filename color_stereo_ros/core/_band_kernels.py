@@ -10,7 +10,9 @@ There is one loop that is parallel to numba, `_run`; it calls a compiled functio
 
 """
 
+import hashlib
 import inspect
+from pathlib import Path
 
 from llvmlite import ir
 from numba import config, get_num_threads, njit, prange, types
@@ -18,9 +20,14 @@ from numba.core import cgutils
 from numba.core.compiler import Compiler
 from numba.extending import intrinsic
 
-# A kernel from the cache does not know that there must be threads. This starts none, but tells
-# the compiler where to find them.
+# A kernel from the cache does not know that there must be threads. This decides on numba's
+# threading layer, which starts none with OpenMP, and tells the compiler where to find it.
 get_num_threads()
+
+# numba's cache asks whether the file of a kernel has changed, but not those of what it contains.
+_STAMP = hashlib.sha256(b''.join(
+    path.read_bytes() for path in sorted(Path(__file__).parent.glob('*_kernels.py')))
+).hexdigest()[:8]
 
 BANDS = 8  # per kernel: fixed, so that results do not depend on the number of threads
 
@@ -35,15 +42,20 @@ def banded(count=BANDS, **options):
     """
     Return a decorator that makes a parallel kernel of a function of one band.
 
-    The first argument of the function is the band, 0 .. count - 1, the kernel does not have it.
+    The first argument of the function is the band, 0 .. count - 1 (count at most 63, a bit each),
+    the kernel does not have it. The function must not raise: nobody would hear of it.
     Bands must not write to the same places, nor may arrays overlap. options are those of
     `numba.njit`.
 
     """
+    if not 1 <= count <= 63:
+        raise ValueError(f'count = {count} is no number of bands, 1 .. 63')
+
     def decorate(function):
         names = ', '.join(list(inspect.signature(function).parameters)[1:])
         if config.DISABLE_JIT:
             return _interpreted(function, count)
+        function.__qualname__ += f'_{_STAMP}'  # part of the names of the files in the cache
         body = njit(cache=True, nogil=True, error_model='numpy', pipeline_class=_DisjointArrays,
                     **options)(function)
         scope = {'body': body, 'count': count, 'prepare': _prepare, 'run': _run}
@@ -53,6 +65,7 @@ def banded(count=BANDS, **options):
                      f'    run(address, data)\n', inspect.getfile(function), 'exec'), scope)
         kernel = scope[function.__name__]
         kernel.__module__, kernel.__doc__ = function.__module__, function.__doc__
+        kernel.__qualname__ = function.__qualname__
         return njit(cache=True, nogil=True)(kernel)
 
     return decorate
@@ -148,7 +161,7 @@ def _band_loop(context, module, description, data_type):
         bit = builder.shl(number(1), band)
         before = builder.atomic_rmw('or', taken, bit, 'seq_cst')
         with builder.if_then(builder.icmp_unsigned('==', builder.and_(before, bit), number(0))):
-            # nothing in a kernel raises: what it returns says no more than that
+            # what it returns says whether it raised, which it must not
             context.call_conv.call_function(builder, body, description.restype,
                                             description.argtypes, [band, *args])
     builder.ret_void()

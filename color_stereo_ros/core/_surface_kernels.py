@@ -32,7 +32,6 @@ PAD = 8  # unknown nodes around a half grid: window radius + halo, or propagatio
 TILE_ROWS = 8
 TILE_COLUMNS = 32
 RADIUS = 4  # of the least-squares window, nodes
-SPAN = 2 * RADIUS + 1
 WIDE_RADIUS = 7  # likewise where one surface fills a tile and as much around it
 JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
 FLAT = F4(4.0)  # a chromaticity variance, before its scale is measured, without information
@@ -133,7 +132,7 @@ def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, satur
 
     widening, float32 (2, h, w) along rows and columns, evens out what nodes see through, see
     `widen_row`; (2, 0, 0): nothing is to be done. ring is float32 (BANDS, 3, 3, w): the last three
-    rows of u and v, and what a band has to sample of the bands beside it.
+    rows of u, those of v, and room for what nobody needs of the bands beside.
 
     """
     rows = index.shape[0]
@@ -683,8 +682,9 @@ def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
 
     A node takes the plane that fits best (see `best_shifted_mean`); its own one is favored by
-    `inertia` and costs what cost says if it is `judged`, by an earlier call. Reads d, a, b, writes new_* and cost in the tiles only. Tiles without any known
-    plane in reach stay unknown, at a cost of `cap`.
+    `inertia` and costs what cost says if it is `judged`, by an earlier call. Reads d, a, b, writes
+    new_* and cost in the tiles only. Tiles without any known plane in reach stay unknown, at a
+    cost of `cap`.
 
     """
     first, last = band(k, tiles.shape[0])

@@ -49,6 +49,8 @@ class CoarseSearch:
     def __init__(self, nodes, width, limits, smoothness, texture, repeats, soft, arena):
         """Allocate the volumes."""
         self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
+        while self.factor > 2 and self.factor > min(nodes):  # a wide, low strip
+            self.factor //= 2
         h, w = (max(1, count // self.factor) for count in nodes)
         step = 2 * self.factor
         # beyond the image there is nothing to find, and `winners` counts to 2047 nodes only

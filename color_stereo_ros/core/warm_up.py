@@ -30,7 +30,9 @@ def some_calibration():
 def is_cold():
     """Return whether the kernels of this process are compiled and not loaded."""
     from . import _surface_kernels as kernels
-    kernels.box_sums(np.zeros((2, 2), np.uint32), np.empty((2, 2), np.uint32))
+    from .pipeline import KERNELS
+    with KERNELS:
+        kernels.box_sums(np.zeros((2, 2), np.uint32), np.empty((2, 2), np.uint32))
     return sum(kernels.box_sums.stats.cache_misses.values()) > 0
 
 

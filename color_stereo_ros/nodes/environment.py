@@ -17,7 +17,7 @@ _FOUND_PROFILE = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it from the w
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
-def defaults(environ, middleware):
+def defaults(environ, middleware, reads_profiles=True):
     """
     Return the variables to set in an environment.
 
@@ -27,6 +27,8 @@ def defaults(environ, middleware):
         The environment; what it decides stays so.
     middleware : str
         The name of the RMW implementation.
+    reads_profiles : bool
+        It is known to understand the profiles of this package, see `fast_dds_is_known`.
 
     Returns
     -------
@@ -39,10 +41,11 @@ def defaults(environ, middleware):
     if 'RMW_FASTRTPS_PUBLICATION_MODE' not in environ:
         # Fast DDS sends a cloud in a thread of its own, while publish() would hold the interpreter
         found['RMW_FASTRTPS_PUBLICATION_MODE'] = 'ASYNCHRONOUS'
-    if not any(name in environ for name in _TRANSPORT_CHOICES) and not Path(
+    if reads_profiles and not any(name in environ for name in _TRANSPORT_CHOICES) and not Path(
             _FOUND_PROFILE).exists():
         if _is_local(environ):
-            # the profile keeps to this host; rmw_fastrtps would double the transports
+            # The profile keeps to this host; rmw_fastrtps would double the transports. Without
+            # the profile the range would be all of the network: hence `reads_profiles`.
             found |= {_RANGE: 'SYSTEM_DEFAULT',
                       'FASTRTPS_DEFAULT_PROFILES_FILE': str(LOCAL_PROFILE)}
         else:
@@ -56,11 +59,27 @@ def _is_local(environ):
             and environ.get('ROS_LOCALHOST_ONLY') != '1')  # which would set the range again
 
 
+def fast_dds_is_known(maps='/proc/self/maps'):
+    """
+    Return whether the Fast DDS of this process is one that the profiles were written for.
+
+    Version 3 has other tags and other variables; whoever does not understand a profile goes on
+    without it.
+
+    """
+    try:
+        loaded = Path(maps).read_text(encoding='utf-8', errors='replace')
+    except OSError:
+        return False
+    return 'libfastrtps.so.2' in loaded and PROFILE.is_file() and LOCAL_PROFILE.is_file()
+
+
 def prepare():
     """Set what the user has not set; call it before the first context of rclpy."""
     keep_freed_memory()
     from rclpy.utilities import get_rmw_implementation_identifier
-    os.environ.update(defaults(os.environ, get_rmw_implementation_identifier()))
+    middleware = get_rmw_implementation_identifier()  # loads it
+    os.environ.update(defaults(os.environ, middleware, fast_dds_is_known()))
 
 
 def keep_freed_memory():
