@@ -173,7 +173,7 @@ def searched(left, right, first, depth, small=0, large=0):
     search.first, search.penalties = first, (I2(small), I2(large))
     search.allocate(rows, columns, depth, Arena())
     search.upright.left[:] = left
-    search.upright.right[:, :, search.margin:search.margin + columns] = right
+    search.upright.inner[:] = right
     search.turn()
     search.aggregate()
     return search

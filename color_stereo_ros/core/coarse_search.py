@@ -126,15 +126,13 @@ class CoarseSearch:
             kernels.reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor, self.soft,
                                   self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3])
             self.fill_texture(out[2])
-        inside = slice(self.margin, self.margin + self.disparity.shape[1])
-        self.upright.right[:, :, inside] = self.colors
+        self.upright.inner[:] = self.colors
 
     def turn(self):
         """Copy the colors into the other layout."""
-        h, w = self.disparity.shape
-        inside = slice(self.margin, self.margin + w)
+        h = self.disparity.shape[0]
         for upright, turned in ((self.upright.left, self.turned.left),
-                                (self.upright.right[:, :, inside], self.turned.right[:, inside])):
+                                (self.upright.inner, self.turned.inner)):
             for plane, turned_plane in zip(upright, turned):
                 cv2.transpose(plane, dst=turned_plane[:, :h])
             turned[:, :, h:] = turned[:, :, h - 1:h]  # borders are repeated
@@ -154,6 +152,7 @@ class Volumes:
         self.left = arena.zeros((4, lines, lanes), np.int16)
         self.right = arena.zeros((4, lines + 2 * margin[0], lanes + 2 * margin[1]), np.int16)
         self.flat_right = self.right.reshape(4, -1)
+        self.inner = self.right[:, margin[0]:margin[0] + lines, margin[1]:margin[1] + lanes]
         self.cost = arena.empty((lines, depth, lanes), np.int16)
         self.total = arena.empty((lines, depth, lanes), np.int16)
         self.scratch = arena.empty((BANDS, 4, depth, lanes + 2), np.int16)

@@ -99,6 +99,7 @@ class SurfaceMethod:
         shape = tuple(2 * kernels.PAD + whole(count, tile) for count, tile in zip(
             self.nodes, (kernels.TILE_ROWS, kernels.TILE_COLUMNS)))
         rows, columns = self.nodes
+        self.inner = framed_area(rows, columns, kernels.PAD)
         arena = Arena()
         self.left = View(calibration.left, rows, columns, 2, shape, rectified_input, arena)
         self.right = View(calibration.right, rows, width - 1, 1, (shape[0], width),
@@ -325,12 +326,11 @@ class SurfaceMethod:
     def explain_repetitions(self):
         """Give nodes that have no plane because the pattern repeats there that reason."""
         rows, columns = self.nodes
-        area = np.s_[kernels.PAD:kernels.PAD + rows, kernels.PAD:kernels.PAD + columns]
         repeated = cv2.resize(self.coarse.ambiguous.view(np.uint8), (columns, rows),
                               interpolation=cv2.INTER_NEAREST).view(bool)
-        reason = self.reason[area]
+        reason = self.reason[self.inner]
         reason[repeated & (reason == Status.NO_MATCH)
-               & np.isnan(self.planes[0][area])] = Status.AMBIGUOUS
+               & np.isnan(self.planes[0][self.inner])] = Status.AMBIGUOUS
 
     def usual_balance(self):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
@@ -349,9 +349,8 @@ class SurfaceMethod:
 
         """
         rows, columns = self.nodes
-        area = np.s_[kernels.PAD:kernels.PAD + rows, kernels.PAD:kernels.PAD + columns]
         thinned = np.s_[::THINNED, ::THINNED]  # a share needs no more samples
-        known = (self.variance[area][thinned] < F4(0.25)).view(np.uint8)
+        known = (self.variance[self.inner][thinned] < F4(0.25)).view(np.uint8)
         apart = (self.evidence[3][thinned] > APART).view(np.uint8) & known
         # border pixels are repeated, by both counts alike
         counts = [cv2.boxFilter(each, cv2.CV_32F, SURROUNDINGS, normalize=False)
@@ -360,8 +359,8 @@ class SurfaceMethod:
         excess = np.maximum(share - DISCORD, F4(0))
         if excess.any():
             excess = cv2.resize(excess, (columns, rows), interpolation=cv2.INTER_LINEAR)
-            cv2.scaleAdd(excess, -float(DISCORD_ODDS / (F4(1) - DISCORD)), self.trust[area],
-                         dst=self.trust[area])
+            cv2.scaleAdd(excess, -float(DISCORD_ODDS / (F4(1) - DISCORD)), self.trust[self.inner],
+                         dst=self.trust[self.inner])
 
     def expand(self, clock):
         """Return the measurement at every pixel."""
@@ -383,12 +382,14 @@ class View:
 
     def __init__(self, camera, rows, columns, step_x, shape, rectified, arena):
         """Build the map; see `half_grid_index` for the arguments."""
+        places = None if rectified else raw_coordinates(
+            half_grid_camera(camera, rows, columns, step_x))
         self.index = [arena.copy(each) for each in half_grid_index(
-            camera, rows, columns, step_x, shape, rectified)]
+            camera, rows, columns, step_x, shape, places)]
         self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
         self.box = arena.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
-        self.kernel_variance = kernel_variance(camera, rows, columns, step_x, rectified)
+        self.kernel_variance = kernel_variance(camera, rows, columns, step_x, places)
         self.widening = np.empty((2, 0, 0), F4)
         self.ring = arena.empty((BANDS, 3, 3, shape[1]), F4)
         self.u, self.v, self.s, self.peak, self.variance = (
@@ -402,10 +403,10 @@ class View:
         gain = np.clip(gain, -MOST_GAIN, MOST_GAIN)
         if np.abs(gain).max() < LEAST_GAIN:
             return
-        rows, columns = gain.shape[1:]
-        first = kernels.PAD if step_x == 2 else 0
         self.widening = arena.zeros((2, *self.u.shape), F4)
-        self.widening[:, kernels.PAD:kernels.PAD + rows, first:first + columns] = gain
+        inner = framed_area(*gain.shape[1:], first_column(step_x))
+        for plane, found in zip(self.widening, gain):
+            plane[inner] = found
         # second differences need neighbors, and outside the raw image there is no color
         inside = (self.index[0] >= 0).astype(np.uint8)
         surrounded = cv2.erode(inside, np.ones((3, 3), np.uint8), borderValue=0)
@@ -514,7 +515,7 @@ SAME_BALANCE = 0.12  # of logarithms: cameras of one type under an aperiodic pat
 DARKEST = 24  # DN: an estimated dark level above this is light
 
 
-def half_grid_index(camera, rows, columns, step_x, shape, rectified):
+def half_grid_index(camera, rows, columns, step_x, shape, places):
     """
     Return where the nodes of a half grid lie in the raw image.
 
@@ -527,8 +528,8 @@ def half_grid_index(camera, rows, columns, step_x, shape, rectified):
         Columns per node, 2 or 1.
     shape : (int, int)
         Of the framed arrays.
-    rectified : bool
-        The image arrives rectified.
+    places : (numpy.ndarray, numpy.ndarray) or None
+        Columns and rows of the nodes in the raw image, px; None where it arrives rectified.
 
     Returns
     -------
@@ -538,18 +539,17 @@ def half_grid_index(camera, rows, columns, step_x, shape, rectified):
         Position between the neighbors, 0..1.
 
     """
-    if rectified:
+    if places is None:
         x, y = np.meshgrid(np.arange(columns, dtype=F4) * step_x, np.arange(rows, dtype=F4) * 2)
         inside = np.ones(x.shape, bool)
     else:
-        x, y = raw_coordinates(half_grid_camera(camera, rows, columns, step_x))
+        x, y = places
         inside = inside_image(x, y, camera.width, camera.height)
         # box sums have their centers half a pixel right of and below their index
         x, y = x - F4(0.5), y - F4(0.5)
     x, y = np.clip(x, 0, camera.width - 2), np.clip(y, 0, camera.height - 2)
     left, top = x.astype(np.int32), y.astype(np.int32)
-    first = kernels.PAD if step_x == 2 else 0
-    area = np.s_[kernels.PAD:kernels.PAD + rows, first:first + columns]
+    area = framed_area(rows, columns, first_column(step_x))
     index = np.full(shape, -1, np.int32)
     frac_x, frac_y = np.zeros((2, *shape), F4)
     index[area] = np.where(inside, top * camera.width + left, -1)
@@ -557,13 +557,13 @@ def half_grid_index(camera, rows, columns, step_x, shape, rectified):
     return index, frac_x, frac_y
 
 
-def kernel_variance(camera, rows, columns, step_x, rectified):
+def kernel_variance(camera, rows, columns, step_x, places):
     """
     Return the variance of the kernel through which each node sees the scene.
 
     Pixels, demosaicing, sums of 2 x 2 pixels and linear interpolation average over raw pixels,
     whose size in rectified ones changes over the image where cameras converge. Two nodes match
-    only as well as their kernels.
+    only as well as their kernels. See `half_grid_index` for the arguments.
 
     Returns
     -------
@@ -571,10 +571,9 @@ def kernel_variance(camera, rows, columns, step_x, rectified):
         Along rows and along columns of the rectified image, px^2; NaN outside the raw image.
 
     """
-    if rectified:
+    if places is None:
         return np.full((2, rows, columns), PIXEL_VARIANCE)
-    x, y = (each.astype(np.float64) for each in raw_coordinates(
-        half_grid_camera(camera, rows, columns, step_x)))
+    x, y = (each.astype(np.float64) for each in places)
     inside = inside_image(x, y, camera.width, camera.height)
     raw_x, raw_y = (PIXEL_VARIANCE + (each - 0.5) % 1 * (1 - (each - 0.5) % 1) for each in (x, y))
     (x_y, x_x), (y_y, y_x) = np.gradient(x, 2, step_x), np.gradient(y, 2, step_x)
@@ -583,6 +582,16 @@ def kernel_variance(camera, rows, columns, step_x, rectified):
     area[~(area > FOLD * np.median(area[inside]) if inside.any() else inside)] = np.nan
     return np.stack([(y_y / area) ** 2 * raw_x + (x_y / area) ** 2 * raw_y,
                      (y_x / area) ** 2 * raw_x + (x_x / area) ** 2 * raw_y])
+
+
+def first_column(step_x):
+    """Return the first column of the nodes: the right view, one column a node, has no frame."""
+    return kernels.PAD if step_x == 2 else 0
+
+
+def framed_area(rows, columns, first):
+    """Return where the nodes lie in a framed array, a pair of slices."""
+    return np.s_[kernels.PAD:kernels.PAD + rows, first:first + columns]
 
 
 def half_grid_camera(camera, rows, columns, step_x):
