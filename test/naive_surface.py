@@ -510,8 +510,8 @@ def pixel_odds(odds, v, u, rows, columns):
     for j, weight_y in ((0, 0.75), (1 if v > 2 * node[0] else -1, 0.25)):
         for i, weight_x in ((0, 0.75), (1 if u > 2 * node[1] else -1, 0.25)):
             y, x = min(max(node[0] + j, 0), rows - 1), min(max(node[1] + i, 0), columns - 1)
-            interpolated += weight_y * weight_x * kernels.bounded(odds[y + PAD, x + PAD])
-    own = kernels.bounded(odds[node[0] + PAD, node[1] + PAD])
+            interpolated += weight_y * weight_x * kernels.bounded.py_func(odds[y + PAD, x + PAD])
+    own = kernels.bounded.py_func(odds[node[0] + PAD, node[1] + PAD])
     return kernels.OWN_SHARE * own + (1 - kernels.OWN_SHARE) * interpolated
 
 

@@ -147,7 +147,8 @@ def test_coarse_colors_are_means_weighted_by_brightness(step_x, step_y, left):
     out = np.empty((4, ROWS // step_y, COLUMNS // step_x), I2)
     brightness = np.empty(out.shape[1:], F4)
     coarse_kernels.reduce_colors(u, v, s, PAD, left, step_x, step_y, surface.SOFT, scale, knee,
-                                 out[0], out[1], brightness, out[3])
+                                 out[0], out[1], brightness, out[3],
+                                 np.empty((BANDS, 3, COLUMNS), F4))
     expected = naive.reduce_colors(u.astype(float), v, s.astype(float), PAD, left, step_x, step_y,
                                    float(surface.SOFT), float(scale), float(knee), out.shape[1:])
     np.testing.assert_allclose(brightness, expected[2], rtol=1e-5)
@@ -444,13 +445,13 @@ def test_nodes_of_a_band_are_joined_to_segments():
     kernels.join_nodes(*shape, trust, ROWS, COLUMNS, surface.CONTINUOUS, run_of, first, parent,
                        size, ends)
     for k in range(BANDS):
-        top, bottom = band(k, ROWS)
+        top, bottom = band.py_func(k, ROWS)
         found = {}
         for node in range(top * COLUMNS, bottom * COLUMNS):
             if run_of[node] >= 0:
                 assert top * COLUMNS <= run_of[node] < ends[k]
                 place = node // COLUMNS + PAD, node % COLUMNS + PAD
-                found.setdefault(kernels.root_of(parent, run_of[node]), set()).add(place)
+                found.setdefault(kernels.root_of.py_func(parent, run_of[node]), set()).add(place)
         expected = naive.join_nodes(shape, trust, top, bottom, COLUMNS, 1.0)
         assert sorted(map(sorted, found.values())) == sorted(map(sorted, expected))
 
@@ -473,7 +474,7 @@ def test_hidden_nodes_lie_behind_more_trusted_ones():
     trust[np.isnan(shape[0])] = kernels.UNKNOWN
     hidden = np.zeros(SHAPE, bool)
     kernels.find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, surface.SEPARATE, hidden,
-                        np.empty((BANDS, WIDTH), np.int32))
+                        np.empty((BANDS, WIDTH), np.int32), np.empty((BANDS, WIDTH), F4))
     expected = naive.find_hidden(shape, trust, ROWS, COLUMNS, WIDTH, float(surface.SEPARATE))
     assert hidden.any() and not hidden[INNER].all()
     np.testing.assert_array_equal(hidden[INNER], expected)

@@ -3,9 +3,9 @@
 Parallel kernels: a function that works on one band of the data becomes one that does all bands.
 
 Instead of `parallel=True`, for two reasons. Numba then compiles every kernel twice over, with all
-that it contains (40 s for the kernels of the surface method instead of 20). And its threads get
-equal shares beforehand: one that has no core for a while holds up all the others. Here a thread
-that is done with its share, which lies in its cache from the last kernel, takes bands of others.
+that it contains. And its threads get equal shares beforehand: one that has no core for a while
+holds up all the others. Here a thread that is done with its share, which lies in its cache from
+the last kernel, takes bands of others.
 There is one loop that is parallel to numba, `_run`; it calls a compiled function by its address.
 
 """
@@ -17,8 +17,9 @@ from pathlib import Path
 from llvmlite import ir
 from numba import config, get_num_threads, njit, prange, types
 from numba.core import cgutils
-from numba.core.compiler import Compiler
 from numba.extending import intrinsic
+
+from ._part_kernels import part, PartCompiler
 
 # A kernel from the cache does not know that there must be threads. This decides on numba's
 # threading layer, which starts none with OpenMP, and tells the compiler where to find it.
@@ -32,7 +33,7 @@ _STAMP = hashlib.sha256(b''.join(
 BANDS = 8  # per kernel: fixed, so that results do not depend on the number of threads
 
 
-@njit(cache=True, nogil=True)
+@part()
 def band(k, size):
     """Return first and last row + 1 of band k of BANDS."""
     return size * k // BANDS, size * (k + 1) // BANDS
@@ -56,8 +57,7 @@ def banded(count=BANDS, **options):
         if config.DISABLE_JIT:
             return _interpreted(function, count)
         function.__qualname__ += f'_{_STAMP}'  # part of the names of the files in the cache
-        body = njit(cache=True, nogil=True, error_model='numpy', pipeline_class=_DisjointArrays,
-                    **options)(function)
+        body = part(_DisjointArrays, **options)(function)
         scope = {'body': body, 'count': count, 'prepare': _prepare, 'run': _run}
         # numba unpacks named arguments much faster than *args
         exec(compile(f'def {function.__name__}({names}):\n'
@@ -66,12 +66,12 @@ def banded(count=BANDS, **options):
         kernel = scope[function.__name__]
         kernel.__module__, kernel.__doc__ = function.__module__, function.__doc__
         kernel.__qualname__ = function.__qualname__
-        return njit(cache=True, nogil=True)(kernel)
+        return njit(cache=True, nogil=True, no_cfunc_wrapper=True, _nrt=False)(kernel)
 
     return decorate
 
 
-class _DisjointArrays(Compiler):
+class _DisjointArrays(PartCompiler):
     """Assumes that no two arrays overlap: more loops become SIMD, as with `parallel=True`."""
 
     def define_pipelines(self):

@@ -12,9 +12,9 @@ path runs from line to line, so that all lanes, and all disparities, go through 
 import math
 
 import numpy as np
-from numba import njit
 
 from ._band_kernels import band, banded
+from ._part_kernels import part
 from ._stack_kernels import LENGTH, stack_integers
 from ._surface_kernels import F4, FAST, I4, PAD
 
@@ -26,20 +26,21 @@ LARGEST = I2(32767)
 
 @banded(fastmath=FAST)
 def reduce_colors(k, u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_s,
-                  out_w):
+                  out_w, scratch):
     """
     Average step_y x step_x nodes, from (top, left) on, into one coarse node, quantized to int16.
 
     Chromaticities are averaged as colors (weighted by brightness). out_u, out_v are in units of
     1 / scale, out_s (float32) is the mean brightness, out_w the trust 0..16 that rises with
-    brightness and is full at `knee`.
+    brightness and is full at `knee`. scratch is float32 (BANDS, 3, nodes of a row that count).
 
     """
     rows, columns = out_u.shape
     count = F4(step_x * step_y)
     first, last = band(k, rows)
-    sums = np.empty((3, columns * step_x), F4)
-    sum_u, sum_v, sum_s = sums[0], sums[1], sums[2]
+    sums = scratch[k]
+    used = columns * step_x
+    sum_u, sum_v, sum_s = sums[0, :used], sums[1, :used], sums[2, :used]
     for y in range(first, last):
         sums[:] = F4(0)
         for j in range(top + y * step_y, top + (y + 1) * step_y):
@@ -63,7 +64,7 @@ def reduce_colors(k, u, v, s, top, left, step_x, step_y, soft, scale, knee, out_
             out_w[y, x] = I2(min(F4(16), F4(16) * light / (knee * count)))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def cost_line(left_u, left_v, left_t, left_w, right_u, right_v, right_t, right_w, cap, neutral,
               out):
     """
@@ -109,7 +110,7 @@ def cost_volume(k, left, right, start, line_step, disparity_step, cap, neutral, 
                 sum_window(ring[0, d], ring[1, d], ring[2, d], ring[3, 0], cost[line - 1, d])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def sum_window(above, here, below, total, out):
     """Sum three lines and then three neighbors, int16; total, (lanes + 2,), is scratch."""
     lanes = out.size
@@ -138,7 +139,7 @@ def sgm_paths(layout, cost, turned_cost, small, large, total, turned_total, scra
             follow_paths(turned_cost, backwards, small, large, turned_total, scratch[layout])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def follow_paths(cost, backwards, small, large, total, scratch):
     """
     Follow the semi-global paths through all lines of a volume (Hirschmueller 2008, eq. 13).
@@ -164,7 +165,7 @@ def follow_paths(cost, backwards, small, large, total, scratch):
             add_row(latest.reshape(-1), total[line].reshape(-1))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def extend_paths(cost, path, small, large, lanes, latest):
     """Write latest = cost + the cheapest step, for all disparities and lanes of a line."""
     size = latest.size
@@ -174,7 +175,7 @@ def extend_paths(cost, path, small, large, lanes, latest):
         latest[i] = I2(cost[i] + step)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def subtract_lowest(latest, lowest, path):
     """Write the costs of a line less the lowest of each lane between the guards of path."""
     depth, lanes = latest.shape
@@ -217,14 +218,14 @@ def add_turned(k, pairs, columns, total):
                     add_row(odd, total[y + 1, d, left:right])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def add_row(row, out):
     """Add to the entries of out those of a row that may be longer, int16."""
     for i in range(out.size):
         out[i] = I2(out[i] + row[i])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def cheapest(total, start, least, best):
     """Find the lowest cost of LENGTH lanes from start on and its first index, int16 stack rows."""
     lanes = min(LENGTH, total.shape[1] - start)
@@ -238,7 +239,7 @@ def cheapest(total, start, least, best):
             least[i] = min(least[i], row[i])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def has_rival(total, x, at, bound):
     """Return whether a disparity that is no neighbor of the best, at, costs less than bound."""
     for d in range(total.shape[0]):
@@ -247,7 +248,7 @@ def has_rival(total, x, at, bound):
     return False
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def tip_offset(before, here, after):
     """Return the offset of the tip of a V with equal slopes through three costs, float32."""
     rise = max(before, after) - here
@@ -329,7 +330,7 @@ def seed_planes(k, coarse, factor, offset, rows, columns, d, a, b):
                 b[y + PAD, x + PAD] = slope_y
 
 
-@njit(cache=True, nogil=True)
+@part()
 def smaller_step(before, here, after):
     """Return the smaller in magnitude of two differences, 0 where neither is known."""
     backward = here - before

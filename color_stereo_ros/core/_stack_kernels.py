@@ -10,52 +10,44 @@ vmovss and vfmadd...ss, three times as fast), and a second loop copies the resul
 
 """
 
-from numba import carray, types
+import math
+
+from numba import config, types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+from numba.np.numpy_support import from_dtype
 import numpy as np
 
 LENGTH = 64
 """Entries of a stack row: a tile or a patch row fits."""
 
 
-def stack_row():
-    """Return an uninitialized float32 (LENGTH,) that lives as long as the calling kernel."""
-    return np.empty(LENGTH, np.float32)
+def stack_array(dtype, *shape):
+    """Return a function for kernels that returns an uninitialized array in its caller's frame."""
+    dtype = np.dtype(dtype)
+    if config.DISABLE_JIT:
+        return lambda: np.empty(shape, dtype)
+    number = from_dtype(dtype)
+    kind = types.Array(number, len(shape), 'C')
+    strides = [dtype.itemsize * math.prod(shape[axis + 1:]) for axis in range(len(shape))]
 
-
-def stack_integers():
-    """Return the like of int16."""
-    return np.empty(LENGTH, np.int16)
-
-
-def _pointer_to(number):
-    """Return an intrinsic: a pointer to LENGTH numbers in the frame of the caller."""
     @intrinsic
-    def pointer(typing_context):
+    def array(typing_context):
         def generate(context, builder, signature, args):
-            kind = context.get_value_type(number)
-            place = cgutils.alloca_once(builder, kind, size=LENGTH)
+            place = cgutils.alloca_once(builder, context.get_value_type(number),
+                                        size=math.prod(shape))
             place.align = 64
-            return place
+            made = context.make_array(kind)(context, builder)
+            numbers = [[context.get_constant(types.intp, each) for each in group]
+                       for group in (shape, strides, (dtype.itemsize,))]
+            populate_array(made, place, numbers[0], numbers[1], numbers[2][0], None)
+            return made._getvalue()
 
-        return types.CPointer(number)(), generate
+        return kind(), generate
 
-    return pointer
-
-
-_floats, _integers = _pointer_to(types.float32), _pointer_to(types.int16)
-
-
-@overload(stack_row, inline='always')  # else the frame would be gone when the array is used
-def _compiled_stack_row():
-    def row():
-        return carray(_floats(), LENGTH)
-    return row
+    return array
 
 
-@overload(stack_integers, inline='always')
-def _compiled_stack_integers():
-    def row():
-        return carray(_integers(), LENGTH)
-    return row
+stack_row = stack_array(np.float32, LENGTH)
+stack_integers = stack_array(np.int16, LENGTH)

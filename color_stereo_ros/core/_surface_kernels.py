@@ -21,7 +21,8 @@ import numpy as np
 from numba import njit
 
 from ._band_kernels import band, banded, BANDS
-from ._stack_kernels import LENGTH, stack_row
+from ._part_kernels import part
+from ._stack_kernels import LENGTH, stack_array, stack_row
 from .types import Status
 
 FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
@@ -156,7 +157,7 @@ def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, satur
                       widening[0, here], widening[1, here], u[here], v[here])
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def sample_row(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v, s,
                peak, variance):
     """Sample one row of nodes, see `sample_colors`."""
@@ -210,7 +211,7 @@ def sample_row(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation,
             variance[start + x] = spreads[x]
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def widen_row(u0, u1, u2, v0, v1, v2, gain_x, gain_y, out_u, out_v):
     """
     Add second differences along and across a row to its chromaticities, each times its gain.
@@ -314,7 +315,10 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
                 out_misfit[x] = misfits[x]
 
 
-@njit(inline='always', error_model='numpy', fastmath=FAST)  # the radius is then a constant
+stack_sums = stack_array(F4, TILE_ROWS, 10, TILE_COLUMNS)  # rows of tiles as in `gated_sums`
+
+
+@part(forceinline=True, fastmath=FAST)  # the radius is then a constant
 def smooth_sums(weight, moment, top, left, radius, sums):
     """
     Window sums of one tile without a gate, first over rows, then over columns.
@@ -388,7 +392,7 @@ def smooth_sums(weight, moment, top, left, radius, sums):
         copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8, m9), sums[y])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def copy_sums(rows, sums):
     """Write a tuple of stack rows into the first rows of sums."""
     for k in range(len(rows)):
@@ -397,7 +401,7 @@ def copy_sums(rows, sums):
             sums[k, x] = row[x]
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums):
     """
     Window sums of one tile row over the nodes that lie on the surface of the center.
@@ -454,7 +458,7 @@ def gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums):
     copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8, m9), sums)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, new_a, new_b,
               variance):
     """
@@ -499,7 +503,7 @@ def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, ne
         variance[x] = spreads[x]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def any_above(values, bound):
     """Return whether any entry is larger than a bound; NaN is not."""
     for y in range(values.shape[0]):
@@ -509,7 +513,7 @@ def any_above(values, bound):
     return False
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def copy_tile(d, a, b, top, left, new_d, new_a, new_b):
     """Copy the planes of one tile."""
     for y in range(top, top + TILE_ROWS):
@@ -530,7 +534,7 @@ def fit_planes(k, weight, moment, d, a, b, tiles, reach, gate, stride, noise_wei
 
     """
     first, last = band(k, tiles.shape[0])
-    sums = np.empty((TILE_ROWS, 10, TILE_COLUMNS), F4)
+    sums = stack_sums()
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
         right = left + TILE_COLUMNS
@@ -599,9 +603,11 @@ def find_smooth_tiles(k, d, a, b, misfit, color_variance_, tiles, halo, step, wo
 HALO = 2  # of a cost patch: 3 x 3 mean, then the best of 3 x 3 shifted windows
 PATCH_ROWS = TILE_ROWS + 2 * HALO
 PATCH_COLUMNS = TILE_COLUMNS + 2 * HALO
+stack_tile = stack_array(F4, TILE_ROWS, TILE_COLUMNS)
+stack_patch = stack_array(F4, PATCH_ROWS, PATCH_COLUMNS)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap, d, a,
                  b, top, left, step_y, step_x, out):
     """
@@ -651,7 +657,7 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
             row[x] = misfits[x]
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def best_shifted_mean(misfit, mean, cost):
     """
     Write cost, float32 tile: the lowest of the nine 3 x 3 means that contain a node.
@@ -688,10 +694,7 @@ def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
 
     """
     first, last = band(k, tiles.shape[0])
-    misfit = np.empty((PATCH_ROWS, PATCH_COLUMNS), F4)
-    mean = np.empty((PATCH_ROWS, PATCH_COLUMNS), F4)
-    trial = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
-    best = np.empty((TILE_ROWS, TILE_COLUMNS), F4)
+    misfit, mean, trial, best = stack_patch(), stack_patch(), stack_tile(), stack_tile()
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
         reach = step + HALO
@@ -715,7 +718,7 @@ def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
                         best, new_d, new_a, new_b, cost)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def take_better(trial, inertia, d, a, b, top, left, step_y, step_x, own, best, new_d, new_a,
                 new_b, cost):
     """Write the plane of a candidate where its trial cost beats the best so far."""
@@ -808,7 +811,7 @@ def brightness_balance(d, misfit, left_s, right_s, step, worst, balance, weight)
             weight[row, column] = F4(1) if known else F4(0)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def imbalance(left, right):
     """Return the difference of two brightnesses (DN) over their sum, steadied near black."""
     return (left - right) / (left + right + F4(2) * MURK)
@@ -878,7 +881,7 @@ def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, co
                 trust[y, left + x] = log_odds[x]
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def quadratic(m, a, b, c, d, e):
     """Return x . m x of x = (1, a, b, c, d, e) and an upper triangular m."""
     return (m[0, 0]
@@ -889,20 +892,20 @@ def quadratic(m, a, b, c, d, e):
             + e * (m[0, 5] + m[5, 5] * e))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def capped(misfit):
     """Return a misfit, at most CEILING; NaN counts as that."""
     return misfit if misfit < CEILING else CEILING
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def apartness(difference):
     """Return the magnitude of a difference, at most 2 px; NaN counts as that."""
     size = abs(difference)
     return size if size < F4(2) else F4(2)
 
 
-@njit(cache=True, nogil=True)
+@part()
 def root_of(parent, node):
     """Return the representative of a node's segment, and shorten the path to it."""
     while parent[node] != node:
@@ -995,7 +998,7 @@ def join_nodes(k, d, a, b, trust, rows, columns, step, run_of, first, parent, si
     ends[k] = runs
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def join_bands(d, b, trust, row, columns, step, run_of, parent):
     """Join the runs of a row to those of the row above, which belongs to another band."""
     y = row + PAD
@@ -1009,7 +1012,7 @@ def join_bands(d, b, trust, row, columns, step, run_of, parent):
             parent[root_of(parent, run_of[above + columns])] = root_of(parent, run_of[above])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def whole_below(value):
     """Return the largest whole number up to a value, float32: math.floor is a call."""
     whole = F4(np.int32(value))
@@ -1017,18 +1020,17 @@ def whole_below(value):
 
 
 @banded()
-def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, scratch):
+def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, owners, trusts):
     """
     Mark nodes whose place in the right image belongs to a more trusted surface.
 
     Every node covers the right columns that its footprint reaches; per column the most trusted
     node is kept. A node is hidden where that node's surface, continued along its own plane,
-    does not pass through it. scratch is int32 (BANDS, width).
+    does not pass through it. owners, int32, and trusts, float32, are scratch (BANDS, width).
 
     """
     first, last = band(k, rows)
-    owner = scratch[k]
-    most = np.empty(width, F4)  # trust of the owners
+    owner, most = owners[k], trusts[k]
     flags, lows, highs = stack_row(), stack_row(), stack_row()
     for row in range(first, last):
         y = row + PAD
@@ -1130,7 +1132,7 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
         odds[y, PAD + columns] = odds[y, PAD + columns - 1]
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def logistic(odds):
     """
     Return 1 / (1 + exp(-odds)), to 1e-5 of the smaller of probability and improbability.
@@ -1149,7 +1151,7 @@ def logistic(odds):
     return F4(1) / (F4(1) + power)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@part(fastmath=FAST)
 def bounded(odds):
     """Return log-odds within what interpolation may take over from a neighbor."""
     return min(max(odds, LEAST_ODDS), MOST_ODDS)
@@ -1221,7 +1223,7 @@ def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline,
                     out_status[v, width - 1] = np.uint8(codes[at])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@part()
 def interleave(even, odd, out):
     """Write the numbers of two stack rows in turn."""
     for x in range(out.size // 2):

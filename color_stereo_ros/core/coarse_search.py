@@ -68,6 +68,7 @@ class CoarseSearch:
     def allocate(self, h, w, depth, arena):
         """Allocate the volumes of a coarse grid of h x w nodes."""
         self.brightness = arena.zeros((h, w), F4)
+        self.sums = arena.empty((BANDS, 3, 2 * self.factor * w), F4)
         self.colors = arena.empty((4, h, w), np.int16)
         self.margin = w + max(abs(self.first), abs(self.first + depth))
         self.upright = Volumes(h, w, depth, (0, self.margin), arena)
@@ -124,7 +125,8 @@ class CoarseSearch:
         for view, first, step, out in ((left, PAD, self.factor, self.upright.left),
                                        (right, 0, 2 * self.factor, self.colors)):
             kernels.reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor, self.soft,
-                                  self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3])
+                                  self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3],
+                                  self.sums)
             self.fill_texture(out[2])
         self.upright.inner[:] = self.colors
 

@@ -135,7 +135,7 @@ class SurfaceMethod:
         samples = (max(1, count // BALANCE_STEP) for count in self.nodes)
         self.balance = arena.zeros((2, *samples), F4)
         self.hidden = arena.zeros(shape, bool)
-        self.owners = arena.empty((BANDS, width), np.int32)
+        self.owners = arena.empty((BANDS, width), np.int32), arena.empty((BANDS, width), F4)
         self.reason = arena.zeros(shape, np.uint8)
         self.segments = arena.empty((4, rows * columns), np.int32)
         self.reference = F4(np.mean(limits))
@@ -313,7 +313,7 @@ class SurfaceMethod:
                                    *self.segments)
         if self.settings.matching.occlusion_test:
             kernels.find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
-                                SEPARATE, self.hidden, self.owners)
+                                SEPARATE, self.hidden, *self.owners)
         color = self.settings.color
         kernels.settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust,
                        self.hidden, self.left.peak, self.left.s, *self.nodes,

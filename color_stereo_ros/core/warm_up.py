@@ -4,7 +4,8 @@ Compile the kernels of the surface method, the last ones first: `python -m ...co
 
 A process that needs all of them compiles them in the order of the pipeline, in one thread: the
 compiler knows no other way. A second process that comes from the other end meets it half way;
-what one has compiled the other finds in the cache.
+what one has compiled the other finds in the cache. The kernel that takes longest comes first, so
+that neither waits long for the other where they meet.
 
 """
 
@@ -51,7 +52,7 @@ def start_helper():
 
 
 def main():
-    """Go through the stages of the surface method backwards."""
+    """Fit planes, then go through the stages of the surface method backwards."""
     from .pipeline import Stopwatch
     from .settings import Settings
     from .surface import STEPS, SurfaceMethod
@@ -59,10 +60,10 @@ def main():
     calibration, settings = some_calibration(), Settings()
     method = SurfaceMethod(settings, calibration,
                            disparity_limits(calibration.geometry, settings.range))
+    method.fit_planes(method.tiles, 0, 2)
     method.judge()
     method.expand(Stopwatch())
     method.propagate(STEPS[0])
-    method.fit_planes(method.tiles, 0, 2)
     method.linearize(method.tiles)
     method.seed()
 
