@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rectified pairs of known disparity under the default pattern, for the surface method."""
+"""Rectified pairs of known disparity, under the default pattern if none is named."""
 
 from functools import lru_cache
 
@@ -33,14 +33,14 @@ def surface_settings(smallest, largest, offset=0.0, **changes):
 
 
 @lru_cache(maxsize=2)
-def texture(width, height, feature_size):
-    """Return the default pattern with SUB samples a pixel, float32 (H, W, 3), 0..1."""
-    settings = PatternSettings(width=SUB * (width + 2 * MARGIN), height=SUB * height,
+def texture(width, height, feature_size, kind):
+    """Return a pattern with SUB samples a pixel, float32 (H, W, 3), 0..1."""
+    settings = PatternSettings(type=kind, width=SUB * (width + 2 * MARGIN), height=SUB * height,
                                feature_size=SUB * feature_size)
     return make_pattern(settings).astype(np.float32) / 255
 
 
-def photographed(shift, feature_size=7.0):
+def photographed(shift, feature_size=7.0, kind=PatternSettings().type):
     """
     Return what a camera sees of the pattern, float64 (H, W, 3), 0..1.
 
@@ -59,7 +59,7 @@ def photographed(shift, feature_size=7.0):
         np.repeat(slope, SUB, 0), SUB, 1) * np.tile(step, width)
     x = SUB * (columns + fine + MARGIN + 0.5) - 0.5
     y = np.broadcast_to(SUB * (rows + 0.5)[:, None] - 0.5, x.shape)
-    seen = cv2.remap(texture(width, height, feature_size), x.astype(np.float32),
+    seen = cv2.remap(texture(width, height, feature_size, kind), x.astype(np.float32),
                      y.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return seen.reshape(height, SUB, width, SUB, 3).mean(axis=(1, 3), dtype=np.float64)
 
@@ -72,11 +72,11 @@ def exposed(light, rng, brightness=180.0, noise=True):
     return np.clip(np.rint(signal), 0, 255).astype(np.uint8)
 
 
-def pair_of(disparity, seed=1, brightness=180.0, noise=True):
+def pair_of(disparity, seed=1, brightness=180.0, noise=True, **pattern):
     """Return a pair of one surface, lit from the right camera; disparity at the left pixels."""
     rng = np.random.default_rng(seed)
-    return (exposed(photographed(-disparity), rng, brightness, noise),
-            exposed(photographed(np.zeros(disparity.shape)), rng, brightness, noise))
+    return tuple(exposed(photographed(shift, **pattern), rng, brightness, noise)
+                 for shift in (-disparity, np.zeros(disparity.shape)))
 
 
 def plane_pair(width, height, disparity, slope_x=0.0, slope_y=0.0, **options):

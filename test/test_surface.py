@@ -209,6 +209,18 @@ def test_every_range_has_a_finite_standard_deviation(stereo, step):
     assert (result.disparity_std[valid] > 0).all()
 
 
+@pytest.mark.parametrize('kind', ['hue_field', 'sweep'])
+def test_errors_are_as_large_as_the_standard_deviation_says(kind):
+    """Under a sweep the colors are averaged first, so that neighbors share their noise."""
+    truth = plane(256, 160, 20.0, 0.05, -0.03)
+    sensor = ColorStereo(rig(256, 160), surface_settings(8, 36, pattern__type=kind))
+    result = sensor.process(*pair_of(truth, kind=kind))
+    inner = np.s_[30:-30, 60:-30]
+    error = np.abs(result.disparity - truth)[inner] / result.disparity_std[inner]
+    assert np.isfinite(error).mean() > 0.9
+    assert 0.2 < np.nanmedian(error) < 1.2  # 0.67 if it were normal
+
+
 def test_brightening_both_images_changes_nothing(stereo):
     dim, bright = (stereo.process(*plane_pair(WIDTH, HEIGHT, 20.3, brightness=level, noise=False))
                    for level in (90.0, 180.0))

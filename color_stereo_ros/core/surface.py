@@ -60,7 +60,7 @@ MODEL = np.array([
     [0, 0, 0, 0, 1.955, 3.195],
     [0, 0, 0, 0, 0, -4.479]], F4)
 HIDDEN_ODDS = F4(-1.046)
-ODDS_SLOW = F4(0.5)  # slow colors: what is right within 1 px is less certain to a tenth of it
+ODDS_SLOW = F4(-1.0)  # likewise: added where colors change slowly
 BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
 BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
 ADAPT_STEPS = 8, 4  # nodes between samples: thousands are left at 640 x 480
@@ -114,6 +114,7 @@ class SurfaceMethod:
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
         self.gates = np.array(GATES_SLOW if prior.blur else GATES, F4)
         self.inertia = F4(INERTIA_SLOW if prior.blur else 0.0)
+        self.correlation = F4(correlation(prior.blur))
         self.model = MODEL
         if prior.blur:
             self.model = MODEL.copy()
@@ -175,6 +176,8 @@ class SurfaceMethod:
         self.variance.fill(COARSE_VARIANCE)
         for turn in range(matching.refinements):
             self.refine(turn, clock)
+        if self.blur and matching.refinements:
+            self.variance *= self.correlation
         self.judge()
         clock.lap('judge')
         return self.expand(clock)
@@ -478,6 +481,20 @@ class Prior:
 
 APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
 SLOW = 'sweep', 'bright_sweep', 'sine'
+
+
+def correlation(blur):
+    """
+    Return what averaged colors make of the variance of planes that are fitted to them.
+
+    Nodes that are averages over 2 blur + 1 nodes share their noise with their neighbors: a window
+    holds fewer independent ones than it has nodes. The factor is that of a mean over the wide
+    window, whose noise is white before it is averaged; 1 without averages.
+
+    """
+    box, window = 2 * blur + 1, 2 * kernels.WIDE_RADIUS + 1
+    shares = np.convolve(np.ones(box), np.ones(window))
+    return ((shares ** 2).sum() / (box * window)) ** 2
 
 
 def noise_weight(image):
