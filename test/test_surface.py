@@ -7,6 +7,7 @@ from color_stereo_ros.core import (CameraModel, ColorStereo, Settings, Status,
                                    StereoCalibration, surface)
 from color_stereo_ros.core._arena import Arena
 from color_stereo_ros.core.coarse_search import CoarseSearch
+from color_stereo_ros.core.prior import Prior
 import numba
 import numpy as np
 import pytest
@@ -251,7 +252,7 @@ def test_images_too_small_to_measure_do_no_harm(width, height):
 
 
 def test_the_search_never_leaves_the_image():
-    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), 1.0, 1.0, False, 3.0, Arena())
+    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), Prior.of(Settings(), 64), 3.0, Arena())
     _, depth, columns = search.upright.cost.shape
     assert depth <= 2 * columns + 1
 

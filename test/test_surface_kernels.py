@@ -7,6 +7,7 @@ Kernels compute in float32, twins in float64: 1e-4 relative, or as stated.
 """
 
 import ast
+from dataclasses import replace
 import inspect
 import os
 from pathlib import Path
@@ -14,10 +15,11 @@ import subprocess
 import sys
 
 from color_stereo_ros.core import _coarse_kernels as coarse_kernels
-from color_stereo_ros.core import _surface_kernels as kernels, Status, surface
+from color_stereo_ros.core import _surface_kernels as kernels, Settings, Status, surface
 from color_stereo_ros.core._arena import Arena
 from color_stereo_ros.core._band_kernels import band, BANDS
 from color_stereo_ros.core.coarse_search import CoarseSearch
+from color_stereo_ros.core.prior import Prior
 import naive_surface as naive
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ SHAPE = (2 * PAD + 2 * kernels.TILE_ROWS, 2 * PAD + 2 * kernels.TILE_COLUMNS)
 WIDTH = 2 * COLUMNS
 INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
 TILES = surface.tiles_of(SHAPE)
+PRIOR = Prior.of(Settings(), WIDTH)
 MATRIX = np.array([[1.1, 0.05, 0.02], [-0.04, 0.9, -0.03]], F4)
 
 
@@ -169,7 +172,7 @@ def coarse_pair(seed, rows=5, columns=9):
 def searched(left, right, first, depth, small=0, large=0):
     """Return the coarse search after the costs and paths of the kernels."""
     rows, columns = left.shape[1:]
-    search = CoarseSearch((2 * rows, 2 * columns), 0, (4 * first, 4 * first), 1.0, 1.0, False,
+    search = CoarseSearch((2 * rows, 2 * columns), 0, (4 * first, 4 * first), PRIOR,
                           surface.SOFT, Arena())
     search.first, search.penalties = first, (I2(small), I2(large))
     search.allocate(rows, columns, depth, Arena())
@@ -223,7 +226,8 @@ def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_riva
 
 def test_the_largest_path_costs_leave_room_for_the_disparity():
     # four paths, each at most nine capped pixels and the largest penalty that settings allow
-    search = CoarseSearch((24, 32), 64, (2, 20), 40.0, 1.0, False, surface.SOFT, Arena())
+    search = CoarseSearch((24, 32), 64, (2, 20), replace(PRIOR, smoothness=40.0), surface.SOFT,
+                          Arena())
     largest = 4 * (9 * int(search.CAP) + int(search.penalties[1]))
     assert largest < 2 ** 15
     assert largest // 4 < coarse_kernels.GUARD

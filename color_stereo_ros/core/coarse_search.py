@@ -26,12 +26,8 @@ class CoarseSearch:
         Of the image, px.
     limits : (float, float)
         Smallest and largest disparity, px.
-    smoothness : float
-        Factor of the penalties for steps.
-    texture : float
-        Weight of brightness beside color.
-    repeats : bool
-        The same colors may come again within the search.
+    prior : Prior
+        What to expect of the colors.
     soft : float
         What was added to the brightness before chromaticities were divided by it, DN.
     arena : Arena
@@ -40,13 +36,12 @@ class CoarseSearch:
 
     SCALE = F4(64.0)  # int16 steps per unit of chromaticity
     KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
-    SURROUNDINGS = 9  # nodes: brighter than these is texture
     CAP, NEUTRAL = np.int16(160), np.int16(80)
     SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
     CLEAR = 1.0       # large steps: by less, a repetition of the pattern loses by chance
     REGION, CLEAR_SHARE = (41, 41), 0.5  # nodes; where this share is not clear, nothing is
 
-    def __init__(self, nodes, width, limits, smoothness, texture, repeats, soft, arena):
+    def __init__(self, nodes, width, limits, prior, soft, arena):
         """Allocate the volumes."""
         self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
         while self.factor > 2 and self.factor > min(nodes):  # a wide, low strip
@@ -58,10 +53,11 @@ class CoarseSearch:
             (limits[0] / step, limits[1] / step)))
         self.first, depth = first - 1, last - first + 3
         # four path costs, each at most nine capped nodes and one penalty, must fit into int16
-        self.penalties = [np.int16(round(min(smoothness, 10.0) * penalty))
+        self.penalties = [np.int16(round(min(prior.smoothness, 10.0) * penalty))
                           for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
-        self.least_gap = round(self.CLEAR * int(self.penalties[1])) if repeats else 0
-        self.texture = F4(self.SCALE * texture)
+        self.least_gap = round(self.CLEAR * int(self.penalties[1])) if prior.repeats else 0
+        self.prior = prior
+        self.texture = F4(self.SCALE * prior.texture)
         self.soft = F4(soft)
         self.allocate(h, w, depth, arena)
 
@@ -141,8 +137,8 @@ class CoarseSearch:
 
     def fill_texture(self, out):
         """Write log brightness against its surroundings, int16: printed or natural texture."""
-        level = np.log(self.brightness + self.KNEE)
-        level -= cv2.blur(level, (self.SURROUNDINGS, self.SURROUNDINGS))
+        level = np.log(self.brightness + F4(self.prior.knee))
+        level -= cv2.blur(level, (self.prior.surroundings, self.prior.surroundings))
         np.multiply(np.clip(level, -1, 1), self.texture, out=out, casting='unsafe')
 
 

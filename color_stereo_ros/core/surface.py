@@ -14,7 +14,6 @@ live on the half grid carry the frame that `_surface_kernels` describes.
 
 """
 
-from dataclasses import dataclass
 import math
 from types import SimpleNamespace
 
@@ -26,6 +25,7 @@ from ._arena import Arena
 from ._band_kernels import BANDS
 from ._coarse_kernels import seed_planes
 from .coarse_search import CoarseSearch
+from .prior import APERIODIC, Prior
 from .rectification import inside_image, raw_coordinates
 from .types import Measurement, Status
 
@@ -109,7 +109,7 @@ class SurfaceMethod:
                                 for view in views])
         for view in views:
             view.even_out(np.median(known) if known.size else 0.0, arena)
-        prior = Prior.of(settings.pattern, width)
+        prior = Prior.of(settings, width)
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
         self.gates = np.array(GATES_SLOW if prior.blur else GATES, F4)
@@ -119,10 +119,7 @@ class SurfaceMethod:
         if prior.blur:
             self.model = MODEL.copy()
             self.model[0, 0] += ODDS_SLOW
-        self.coarse = CoarseSearch(self.nodes, width, limits,
-                                   prior.smoothness * settings.matching.smoothness,
-                                   prior.texture * settings.matching.texture, prior.repeats, SOFT,
-                                   arena)
+        self.coarse = CoarseSearch(self.nodes, width, limits, prior, SOFT, arena)
         self.tiles = tiles_of(shape)
         self.planes = [arena.full(shape, value, F4) for value in (np.nan, 0, 0)]
         self.spare = [arena.empty(shape, F4) for _ in self.planes]
@@ -452,35 +449,6 @@ class View:
             # the noise of neighbors is correlated: averaging helps half as much as counting says
             informed = self.variance < kernels.FLAT
             self.variance[informed] *= F4(2.0 / (1 + 2 * blur) ** 2)
-
-
-@dataclass(frozen=True)
-class Prior:
-    """What the kind of pattern tells the search before it sees an image."""
-
-    texture: float
-    """Weight of brightness beside color in the coarse search."""
-    smoothness: float
-    """Factor of the penalties for steps."""
-    blur: int
-    """Radius over which colors are averaged, nodes."""
-    repeats: bool
-    """The same colors may come again within the search."""
-
-    @classmethod
-    def of(cls, pattern, width):
-        """Return the prior for PatternSettings that light an image of `width` columns."""
-        if pattern.type in APERIODIC:
-            return cls(texture=0.5, smoothness=1.0, blur=0, repeats=False)
-        # Repeating colors need the texture and the neighbors to tell the repetitions apart; a
-        # color that changes slowly shows its slope only over many pixels.
-        cycles = pattern.cycles if pattern.type in SLOW else math.inf
-        blur = min(4, round(width / cycles / 160))
-        return cls(texture=2.0, smoothness=1.0 if blur else 4.0, blur=blur, repeats=cycles > 1)
-
-
-APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
-SLOW = 'sweep', 'bright_sweep', 'sine'
 
 
 def correlation(blur):

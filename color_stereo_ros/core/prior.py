@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the kind of pattern tells a search before it sees an image."""
+
+from dataclasses import dataclass, replace
+import math
+
+APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
+SLOW = 'sweep', 'bright_sweep', 'sine'
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What a search expects of the colors."""
+
+    texture: float
+    """Weight of the brightness of the surface beside color in the coarse search."""
+    surroundings: int
+    """Coarse nodes across: what is brighter than they are on average is texture."""
+    knee: float
+    """DN added to the brightness before its logarithm: noise of dark places is no texture."""
+    smoothness: float
+    """Factor of the penalties for steps."""
+    blur: int
+    """Radius over which colors are averaged, nodes."""
+    repeats: bool
+    """The same colors may come again within the search."""
+
+    @classmethod
+    def of(cls, settings, width):
+        """
+        Return the prior for a pattern that lights an image.
+
+        Parameters
+        ----------
+        settings : Settings
+            Of which `matching.texture` and `matching.smoothness` are factors.
+        width : int
+            Of the image, px.
+
+        Returns
+        -------
+        prior : Prior
+
+        """
+        pattern, matching = settings.pattern, settings.matching
+        kind = _kind(pattern, width)
+        return replace(kind, texture=kind.texture * matching.texture,
+                       smoothness=kind.smoothness * matching.smoothness)
+
+
+def _kind(pattern, width):
+    """Return the prior before the settings change it."""
+    if pattern.type in APERIODIC:
+        return Prior(texture=0.5, surroundings=9, knee=12.0, smoothness=1.0, blur=0, repeats=False)
+    cycles = pattern.cycles if pattern.type in SLOW else math.inf  # unknown
+    # A color that changes slowly shows its slope only over many pixels.
+    blur = min(4, round(width / cycles / 160))
+    # Neighbors and the brightness of the surface tell repetitions apart: shading, too, and not
+    # print only, where it is known that whole periods may be confused.
+    shaded = 1 < cycles < math.inf
+    return Prior(texture=4.0 if shaded else 2.0, surroundings=41 if shaded else 9, knee=48.0,
+                 smoothness=1.0 if blur else 4.0, blur=blur, repeats=cycles > 1)
