@@ -109,13 +109,33 @@ def color_variance(s, peak, saturation, floor, shot, relative):
 
 
 def node_cost(left, right, y, x, disparity, cap, neutral):
-    """Return the cost of one pair of coarse nodes; left and right are (u, v, texture, trust)."""
+    """
+    Return the cost of one pair of coarse nodes.
+
+    left is (u, v, texture, trust), right (lowest u, v, highest u, v, texture, trust).
+
+    """
     at = x - disparity
     inside = 0 <= at < right.shape[2]
-    color = [int(c) for c in right[:, y, at]] if inside else [0, 0, 0, 0]
-    cost = min(cap, sum(abs(int(left[c, y, x]) - color[c]) for c in (0, 1, 2)))
-    trust = min(int(left[3, y, x]), color[3])
+    *color, texture, trusted = [int(c) for c in right[:, y, at]] if inside else [0] * 6
+    cost = abs(int(left[2, y, x]) - texture) + sum(
+        max(0, int(left[c, y, x]) - color[c + 2], color[c] - int(left[c, y, x])) for c in (0, 1))
+    cost = min(cap, cost)
+    trust = min(int(left[3, y, x]), trusted)
     return neutral + (cost - neutral) * trust // 16
+
+
+def half_way(colors):
+    """Return the lowest and highest of colors (2, h, w) within half a node along the rows."""
+    low, high = colors.copy(), colors.copy()
+    for c in range(2):
+        for y, x in nodes_of(colors.shape[1:]):
+            for at in (x - 1, x + 1):
+                if 0 <= at < colors.shape[2]:
+                    middle = math.floor((int(colors[c, y, x]) + int(colors[c, y, at])) / 2)
+                    low[c, y, x] = min(low[c, y, x], middle)
+                    high[c, y, x] = max(high[c, y, x], middle)
+    return low, high
 
 
 def cost_volume(left, right, first, depth, cap, neutral):

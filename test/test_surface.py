@@ -407,6 +407,21 @@ def test_repetitions_that_nothing_tells_apart_get_no_range(kind):
     assert np.mean(result.status == Status.AMBIGUOUS) > 0.8
 
 
+def test_shading_tells_repetitions_apart():
+    """A bare plane under the same pattern, but darker to the right: its disparity is found."""
+    rows, columns = np.mgrid[:240, :320]
+    views = []
+    for shift in (0, 26):
+        phase = 2 * np.pi * (columns + shift) / 20
+        shade = np.exp(-((columns + shift - 150) / 90.0) ** 2)
+        image = 10 + shade[..., None] * (110 + 80 * np.stack(
+            [np.cos(phase - k * 2 * np.pi / 3) for k in range(3)], axis=-1))
+        views.append(np.random.default_rng(shift).normal(image, 1.5).clip(0, 255).astype(np.uint8))
+    settings = surface_settings(5, 75, pattern__type='sine', pattern__cycles=16)
+    disparity = ColorStereo(rig(320, 240), settings).process(*views).disparity[:, 80:240]
+    assert np.mean(np.abs(disparity - 26) < 1) > 0.9
+
+
 def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 0.0)):
     """Return a view whose nodes lie at all fractions of a raw pixel, and their places there."""
     width, height = size

@@ -18,7 +18,7 @@ from color_stereo_ros.core import _coarse_kernels as coarse_kernels
 from color_stereo_ros.core import _surface_kernels as kernels, Settings, Status, surface
 from color_stereo_ros.core._arena import Arena
 from color_stereo_ros.core._band_kernels import band, BANDS
-from color_stereo_ros.core.coarse_search import CoarseSearch
+from color_stereo_ros.core.coarse_search import CoarseSearch, half_way
 from color_stereo_ros.core.prior import Prior
 import naive_surface as naive
 import numpy as np
@@ -161,12 +161,13 @@ def test_coarse_colors_are_means_weighted_by_brightness(step_x, step_y, left):
 
 
 def coarse_pair(seed, rows=5, columns=9):
-    """Return left and right coarse colors (u, v, texture, trust), int16."""
+    """Return coarse colors, int16: left and right as `cost_volume` takes them."""
     rng = np.random.default_rng(seed)
-    return [np.stack([rng.integers(-128, 128, (rows, columns)),
-                      rng.integers(-128, 128, (rows, columns)),
-                      rng.integers(-40, 40, (rows, columns)),
-                      rng.integers(0, 17, (rows, columns))]).astype(I2) for _ in range(2)]
+    left, right = (np.stack([rng.integers(-128, 128, (rows, columns)),
+                             rng.integers(-128, 128, (rows, columns)),
+                             rng.integers(-40, 40, (rows, columns)),
+                             rng.integers(0, 17, (rows, columns))]).astype(I2) for _ in range(2))
+    return left, np.concatenate([*half_way(right[:2]), right[2:]])
 
 
 def searched(left, right, first, depth, small=0, large=0):
@@ -181,6 +182,11 @@ def searched(left, right, first, depth, small=0, large=0):
     search.turn()
     search.aggregate()
     return search
+
+
+def test_colors_between_two_nodes_are_those_half_way():
+    colors = coarse_pair(7)[0][:2]
+    np.testing.assert_array_equal(half_way(colors), naive.half_way(colors))
 
 
 @pytest.mark.parametrize('rows, first, depth', [(5, 0, 6), (6, -5, 7), (5, -20, 4)])

@@ -65,19 +65,21 @@ def reduce_colors(k, u, v, s, top, left, step_x, step_y, soft, scale, knee, out_
 
 
 @part()
-def cost_line(left_u, left_v, left_t, left_w, right_u, right_v, right_t, right_w, cap, neutral,
-              out):
+def cost_line(left_u, left_v, left_t, left_w, low_u, low_v, high_u, high_v, right_t, right_w, cap,
+              neutral, out):
     """
     Matching costs of one line of nodes at one disparity, int16.
 
-    A dark pixel on either side moves the cost towards `neutral`: it speaks for nothing.
+    Colors between low and high cost nothing. A dark pixel on either side moves the cost towards
+    `neutral`: it speaks for nothing.
 
     """
+    zero = I2(0)
     for i in range(out.size):
-        du = I2(left_u[i] - right_u[i])
-        dv = I2(left_v[i] - right_v[i])
+        du = max(max(I2(left_u[i] - high_u[i]), I2(low_u[i] - left_u[i])), zero)
+        dv = max(max(I2(left_v[i] - high_v[i]), I2(low_v[i] - left_v[i])), zero)
         dt = I2(left_t[i] - right_t[i])
-        cost = I2(I2(max(du, I2(-du)) + max(dv, I2(-dv))) + max(dt, I2(-dt)))
+        cost = I2(I2(du + dv) + max(dt, I2(-dt)))
         cost = min(cost, cap)
         trust = min(left_w[i], right_w[i])
         out[i] = I2(neutral + (I2(I2(cost - neutral) * trust) >> I2(4)))
@@ -88,8 +90,9 @@ def cost_volume(k, left, right, start, line_step, disparity_step, cap, neutral, 
     """
     Fill a volume with costs summed over 3 x 3 coarse nodes (borders repeated).
 
-    left is int16 (4, lines, lanes): u, v, texture, trust. right, int16 (4, N), is flat: what lane
-    0 of line n meets at the d-th disparity lies at start + n line_step - d disparity_step.
+    left is int16 (4, lines, lanes): u, v, texture, trust. right, int16 (6, N): lowest u and v,
+    highest u and v, texture, trust. It is flat: what lane 0 of line n meets at the d-th disparity
+    lies at start + n line_step - d disparity_step.
     scratch is int16 (BANDS, 4, D, lanes + 2): three lines of costs and a sum.
 
     """
@@ -103,8 +106,8 @@ def cost_volume(k, left, right, start, line_step, disparity_step, cap, neutral, 
             at = start + n * line_step - d * disparity_step
             to = at + lanes
             cost_line(left[0, n], left[1, n], left[2, n], left[3, n], right[0, at:to],
-                      right[1, at:to], right[2, at:to], right[3, at:to], cap, neutral,
-                      newest[d, :lanes])
+                      right[1, at:to], right[2, at:to], right[3, at:to], right[4, at:to],
+                      right[5, at:to], cap, neutral, newest[d, :lanes])
         if line > first:
             for d in range(depth):
                 sum_window(ring[0, d], ring[1, d], ring[2, d], ring[3, 0], cost[line - 1, d])

@@ -124,7 +124,9 @@ class CoarseSearch:
                                   self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3],
                                   self.sums)
             self.fill_texture(out[2])
-        self.upright.inner[:] = self.colors
+        self.upright.inner[:2], self.upright.inner[2:4] = (
+            half_way(self.colors[:2]) if self.prior.repeats else (self.colors[:2],) * 2)
+        self.upright.inner[4:] = self.colors[2:]
 
     def turn(self):
         """Copy the colors into the other layout."""
@@ -142,14 +144,30 @@ class CoarseSearch:
         np.multiply(np.clip(level, -1, 1), self.texture, out=out, casting='unsafe')
 
 
+def half_way(colors):
+    """
+    Return the lowest and highest of colors, int16 (2, h, w), within half a node along the rows.
+
+    What lies between two nodes costs nothing then (Birchfield and Tomasi 1998). Else a repetition
+    that happens to lie upon a node would cost less than a true match that does not.
+
+    """
+    middle = (colors[..., 1:] + colors[..., :-1]) >> 1
+    low, high = colors.copy(), colors.copy()
+    for side in (np.s_[..., 1:], np.s_[..., :-1]):
+        np.minimum(low[side], middle, out=low[side])
+        np.maximum(high[side], middle, out=high[side])
+    return low, high
+
+
 class Volumes:
     """Colors, costs and path costs in one layout; see `_coarse_kernels`."""
 
     def __init__(self, lines, lanes, depth, margin, arena):
         """Allocate; margin: lines and lanes without color around the right image."""
         self.left = arena.zeros((4, lines, lanes), np.int16)
-        self.right = arena.zeros((4, lines + 2 * margin[0], lanes + 2 * margin[1]), np.int16)
-        self.flat_right = self.right.reshape(4, -1)
+        self.right = arena.zeros((6, lines + 2 * margin[0], lanes + 2 * margin[1]), np.int16)
+        self.flat_right = self.right.reshape(6, -1)
         self.inner = self.right[:, margin[0]:margin[0] + lines, margin[1]:margin[1] + lanes]
         self.cost = arena.empty((lines, depth, lanes), np.int16)
         self.total = arena.empty((lines, depth, lanes), np.int16)

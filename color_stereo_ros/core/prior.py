@@ -59,4 +59,4 @@ def _kind(pattern, width):
     # print only, where it is known that whole periods may be confused.
     shaded = 1 < cycles < math.inf
     return Prior(texture=4.0 if shaded else 2.0, surroundings=41 if shaded else 9, knee=48.0,
-                 smoothness=1.0 if blur else 4.0, blur=blur, repeats=cycles > 1)
+                 smoothness=1.0 if blur else 2.0, blur=blur, repeats=cycles > 1)
