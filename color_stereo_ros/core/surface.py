@@ -449,6 +449,21 @@ class View:
             # the noise of neighbors is correlated: averaging helps half as much as counting says
             informed = self.variance < kernels.FLAT
             self.variance[informed] *= F4(2.0 / (1 + 2 * blur) ** 2)
+            self.add_print()
+
+    def add_print(self):
+        """
+        Let print show in the first chromaticity, beside colors that change slowly.
+
+        Its edges are steep, and both cameras see them alike. Shading is not, and noise does not
+        exceed LEAST_PRINT where there is light.
+
+        """
+        level = np.log(self.s + PRINT_KNEE)
+        level -= cv2.blur(level, (1 + 2 * PRINT_RADIUS * self.columns_per_node,
+                                  1 + 2 * PRINT_RADIUS))
+        excess = np.maximum(np.abs(level) - LEAST_PRINT, F4(0))
+        self.u += PRINT_GAIN * np.copysign(excess, level)
 
 
 def correlation(blur):
@@ -498,6 +513,10 @@ def gains_of(mean):
 
 SAME_BALANCE = 0.12  # of logarithms: cameras of one type under an aperiodic pattern
 DARKEST = 24  # DN: an estimated dark level above this is light
+PRINT_KNEE = F4(24.0)  # DN added to the brightness before its logarithm
+PRINT_RADIUS = 4  # nodes around, than which print is brighter or darker by
+LEAST_PRINT = F4(0.2)  # or more; what exceeds that counts as chromaticity
+PRINT_GAIN = F4(0.6)  # times so much, under slow patterns
 
 
 def half_grid_index(camera, rows, columns, step_x, shape, places):
