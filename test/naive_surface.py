@@ -139,15 +139,16 @@ def half_way(colors):
 
 
 def cost_volume(left, right, first, depth, cap, neutral):
-    """Return costs summed over 3 x 3 nodes, (h, w, depth), of the disparities from first on."""
+    """Return costs summed over 3 x 3 weighted nodes, (h, w, depth), of disparities from first."""
     rows, columns = left.shape[1:]
     out = np.zeros((rows, columns, depth), int)
     for y, x in nodes_of((rows, columns)):
         for d in range(depth):
             out[y, x, d] = sum(
-                node_cost(left, right, min(max(y + j, 0), rows - 1),
-                          min(max(x + i, 0), columns - 1), first + d, cap, neutral)
-                for j, i in WINDOW)
+                (2 - abs(j)) * (2 - abs(i)) * node_cost(
+                    left, right, min(max(y + j, 0), rows - 1), min(max(x + i, 0), columns - 1),
+                    first + d, cap, neutral)
+                for j, i in WINDOW) // 2
     return out
 
 
@@ -197,7 +198,7 @@ def winners(total, first, least_gap):
             if not 0 <= right < total.shape[1]:
                 continue
             bids = [(total[y, i, k], -k) for i, k in enumerate(best) if i - (first + k) == right]
-            if abs(-min(bids)[1] - at) <= 1:
+            if abs(-min(bids)[1] - at) <= coarse_kernels.AGREEMENT:
                 disparity[y, x] = first + at + v_fit(total[y, x], at)
     return disparity, clear
 

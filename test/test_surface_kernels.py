@@ -231,10 +231,10 @@ def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_riva
 
 
 def test_the_largest_path_costs_leave_room_for_the_disparity():
-    # four paths, each at most nine capped pixels and the largest penalty that settings allow
+    # four paths, each at most eight capped pixels and the largest penalty that settings allow
     search = CoarseSearch((24, 32), 64, (2, 20), replace(PRIOR, smoothness=40.0), surface.SOFT,
                           Arena())
-    largest = 4 * (9 * int(search.CAP) + int(search.penalties[1]))
+    largest = 4 * (8 * int(search.CAP) + int(search.penalties[1]))
     assert largest < 2 ** 15
     assert largest // 4 < coarse_kernels.GUARD
     total = np.full((1, 3, 5), largest, I2)

@@ -20,6 +20,7 @@ from ._surface_kernels import F4, FAST, I4, PAD
 
 I2 = np.int16
 REPETITION = 2  # coarse nodes: what is nearer to the best disparity is the same match
+AGREEMENT = 2   # coarse nodes: on a wall, neighbors share a right node and differ by that much
 GUARD = I2(8000)     # a path cost that loses against any other and leaves room to add to
 LARGEST = I2(32767)
 
@@ -88,7 +89,7 @@ def cost_line(left_u, left_v, left_t, left_w, low_u, low_v, high_u, high_v, righ
 @banded()
 def cost_volume(k, left, right, start, line_step, disparity_step, cap, neutral, cost, scratch):
     """
-    Fill a volume with costs summed over 3 x 3 coarse nodes (borders repeated).
+    Fill a volume with costs summed over 3 x 3 coarse nodes, see `sum_window` (borders repeated).
 
     left is int16 (4, lines, lanes): u, v, texture, trust. right, int16 (6, N): lowest u and v,
     highest u and v, texture, trust. It is flat: what lane 0 of line n meets at the d-th disparity
@@ -110,21 +111,28 @@ def cost_volume(k, left, right, start, line_step, disparity_step, cap, neutral, 
                       right[5, at:to], cap, neutral, newest[d, :lanes])
         if line > first:
             for d in range(depth):
-                sum_window(ring[0, d], ring[1, d], ring[2, d], ring[3, 0], cost[line - 1, d])
+                sum_window(ring[line % 3, d], ring[(line + 1) % 3, d], ring[(line + 2) % 3, d],
+                           ring[3, 0], cost[line - 1, d])
 
 
 @part()
-def sum_window(above, here, below, total, out):
-    """Sum three lines and then three neighbors, int16; total, (lanes + 2,), is scratch."""
+def sum_window(below, above, here, total, out):
+    """
+    Sum three lines and then three neighbors, int16; total, (lanes + 2,), is scratch.
+
+    The weights are 1, 2, 1 either way, halved, eight in all: edges stay where they are, and thin
+    things are not outvoted by what lies around them.
+
+    """
     lanes = out.size
     middle = total[1:lanes + 1]
     for i in range(lanes):
-        middle[i] = I2(I2(above[i] + here[i]) + below[i])
+        middle[i] = I2(I2(above[i] + below[i]) + I2(here[i] + here[i]))
     total[0] = total[1]
     total[lanes + 1] = total[lanes]
     after = total[2:]
     for i in range(lanes):
-        out[i] = I2(I2(total[i] + middle[i]) + after[i])
+        out[i] = I2(I2(I2(total[i] + after[i]) + I2(middle[i] + middle[i])) >> I2(1))
 
 
 @banded(count=2)
@@ -264,7 +272,7 @@ def winners(k, total, first, least_gap, disparity, clear, scratch):
     Winner-takes-all with left-right consistency on the coarse grid; total is (rows, D, columns).
 
     Writes disparity (coarse nodes, V-fit between neighbors, NaN where the right image prefers
-    another left node by more than one), and clear, float32: 1, or 0 where a disparity more than
+    a left node more than AGREEMENT away), and clear, float32: 1, or 0 where a disparity more than
     REPETITION nodes away costs less than least_gap more. scratch int32 (BANDS, 2, columns).
 
     """
@@ -296,7 +304,7 @@ def winners(k, total, first, least_gap, disparity, clear, scratch):
             right = x - best_left[x]
             if 0 <= right < columns:
                 rival = 2048 - best_right[right] % 4096
-                if abs(rival - best_left[x]) > 1:
+                if abs(rival - best_left[x]) > AGREEMENT:
                     disparity[y, x] = np.nan
             else:
                 disparity[y, x] = np.nan

@@ -36,8 +36,8 @@ class CoarseSearch:
 
     SCALE = F4(64.0)  # int16 steps per unit of chromaticity
     KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
-    CAP, NEUTRAL = np.int16(160), np.int16(80)
-    SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed over 3 x 3 nodes
+    CAP, NEUTRAL = np.int16(160), np.int16(70)
+    SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed with weights of eight in all
     CLEAR = 1.0       # large steps: by less, a repetition of the pattern loses by chance
     REGION, CLEAR_SHARE = (41, 41), 0.5  # nodes; where this share is not clear, nothing is
 
@@ -52,7 +52,7 @@ class CoarseSearch:
         first, last = (int(np.clip(limit, 1 - w, w - 1)) for limit in search_interval(
             (limits[0] / step, limits[1] / step)))
         self.first, depth = first - 1, last - first + 3
-        # four path costs, each at most nine capped nodes and one penalty, must fit into int16
+        # four path costs, each at most eight capped nodes and one penalty, must fit into int16
         self.penalties = [np.int16(round(min(prior.smoothness, 10.0) * penalty))
                           for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
         self.least_gap = round(self.CLEAR * int(self.penalties[1])) if prior.repeats else 0
