@@ -36,13 +36,13 @@ NOISE_WEIGHTS = 0.15, 1.0  # of a node that shows only noise: demosaiced, indepe
 INDEPENDENT = 0.85, 0.95   # change to the next pixel / to the next but one: see noise_weight
 QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
 ROBUST = F4(9.0)    # misfit at which a node counts half
-RIDGE = F4(0.5)     # node^2: how firmly a slope keeps its last value
+RIDGE = F4(0.1)     # node^2: how firmly a slope keeps its last value
 STEEPEST = F4(6.0)  # px per node
 GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
 GATES_SLOW = 3.0, 1.5, 0.75  # likewise under a pattern whose colors change slowly
 STEADY = 2.0, 1.0, 0.5   # px between neighbors of one surface, likewise: seeds are rough
 STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
-TRUNCATION = F4(30.0)    # misfit beyond which a node says no more than that it does not fit
+TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it does not fit
 INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
 SMOOTH_MISFIT = F4(4.0)  # mean misfit of a tile where nothing is wrong
@@ -53,13 +53,13 @@ VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
 # Log-odds of being right within 1 px: a quadratic form of one and the evidence that
 # `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([
-    [13.008, -0.801, -0.723, -16.375, -9.118, -6.074],
-    [0, 0.005, -0.098, -0.276, 0.239, 0.738],
-    [0, 0, -0.060, 0.765, 1.005, 0.332],
-    [0, 0, 0, 10.823, -1.372, -0.093],
-    [0, 0, 0, 0, 1.955, 3.195],
-    [0, 0, 0, 0, 0, -4.479]], F4)
-HIDDEN_ODDS = F4(-1.046)
+    [12.516, -0.863, -0.749, -16.460, -8.159, -5.095],
+    [0, -0.002, -0.044, 0.104, 0.272, 0.545],
+    [0, 0, -0.031, 0.661, 0.815, 0.208],
+    [0, 0, 0, 10.139, -1.186, 1.850],
+    [0, 0, 0, 0, 1.705, 2.141],
+    [0, 0, 0, 0, 0, -4.752]], F4)
+HIDDEN_ODDS = F4(-4.0)  # more than the fit says (-1): no cheaper way to fewer false ranges
 ODDS_SLOW = F4(-1.0)  # likewise: added where colors change slowly
 BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
 BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
