@@ -461,11 +461,17 @@ def join_nodes(planes, trust, first_row, last_row, columns, step):
     return segments
 
 
-def remove_islands(planes, trust, rows, columns, step, least_size):
+def size_of(segment, s, bright):
+    """Return the size of a segment, dark nodes counting less, in parts of a bright node."""
+    whole = kernels.WHOLE
+    return sum(max(1, min(whole, int(whole * s[node] / bright))) for node in segment)
+
+
+def remove_islands(planes, trust, s, bright, rows, columns, step, least_size):
     """Return trust with ISLAND in small segments."""
     out = trust.copy()
     for segment in join_nodes(planes, trust, 0, rows, columns, step):
-        if len(segment) < least_size:
+        if size_of(segment, s, bright) < kernels.WHOLE * least_size:
             for node in segment:
                 out[node] = kernels.ISLAND
     return out

@@ -440,6 +440,15 @@ def test_trust_is_the_weighted_sum_of_the_evidence():
     assert (trust == kernels.UNKNOWN).any() and (trust > 0).any()
 
 
+BRIGHT = 32  # parts of a node are then exact
+
+
+def brightness(seed):
+    """Return brightnesses (DN) on both sides of BRIGHT, none where a part of a node begins."""
+    rng = np.random.default_rng(seed)
+    return framed(rng.integers(0, 2 * BRIGHT, (ROWS, COLUMNS)) + 0.5)
+
+
 def scattered(seed):
     """Return planes with steps and their trust, both of changing sign from node to node."""
     rng = np.random.default_rng(seed)
@@ -452,8 +461,9 @@ def test_nodes_of_a_band_are_joined_to_segments():
     shape, trust = scattered(24)
     run_of, first, parent, size = np.empty((4, ROWS * COLUMNS), np.int32)
     ends = np.empty(BANDS, np.int32)
-    kernels.join_nodes(*shape, trust, ROWS, COLUMNS, surface.CONTINUOUS, run_of, first, parent,
-                       size, ends)
+    light = brightness(25)
+    kernels.join_nodes(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS, run_of,
+                       first, parent, size, ends)
     for k in range(BANDS):
         top, bottom = band.py_func(k, ROWS)
         found = {}
@@ -464,14 +474,18 @@ def test_nodes_of_a_band_are_joined_to_segments():
                 found.setdefault(kernels.root_of.py_func(parent, run_of[node]), set()).add(place)
         expected = naive.join_nodes(shape, trust, top, bottom, COLUMNS, 1.0)
         assert sorted(map(sorted, found.values())) == sorted(map(sorted, expected))
+        runs = size[top * COLUMNS:ends[k]] if top < bottom else size[:0]
+        assert runs.sum() == sum(naive.size_of(each, light, BRIGHT) for each in expected)
 
 
 @pytest.mark.parametrize('least_size', [2, 6, 40])
 def test_islands_are_the_small_connected_segments(least_size):
     shape, trust = scattered(24)
-    expected = naive.remove_islands(shape, trust, ROWS, COLUMNS, 1.0, least_size)
+    light = brightness(25)
+    expected = naive.remove_islands(shape, trust, light, BRIGHT, ROWS, COLUMNS, 1.0, least_size)
     scratch = np.empty((4, ROWS * COLUMNS), np.int32)
-    kernels.remove_islands(*shape, trust, ROWS, COLUMNS, surface.CONTINUOUS, least_size, *scratch)
+    kernels.remove_islands(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS,
+                           least_size, *scratch)
     assert surface.CONTINUOUS == 1.0
     np.testing.assert_array_equal(trust, expected)
     assert (trust == kernels.ISLAND).any() and (trust > 0).any()

@@ -41,6 +41,7 @@ NAN = F4(np.nan)
 CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
 BENT = F4(0.8)        # standard deviation per distance of the neighbors, fitted likewise
 ISLAND = F4(-50)    # log-odds of a node in too small a segment
+WHOLE = 16          # what a bright node counts in a segment; a black one counts 1
 HOPELESS = F4(-200)  # log-odds where no range is possible
 LEAST_ODDS, MOST_ODDS = F4(-6), F4(14)  # of a node, where they are interpolated; 14: 1 - 1e-6
 OWN_SHARE = F4(0.25)  # of a node in the log-odds of its pixels, beside the interpolated ones
@@ -915,18 +916,19 @@ def root_of(parent, node):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, first, parent,
-                   size):
+def remove_islands(d, a, b, trust, s, bright, rows, columns, step, least_size, run_of, first,
+                   parent, size):
     """
     Distrust small segments: set trust to ISLAND where fewer than least_size nodes hang together.
 
     Two neighbors hang together if both have positive trust and one lies within `step` px of the
-    plane of the other. Segments are found by runs: nodes of one row that hang together. run_of,
-    first, parent and size are int32 scratch (rows * columns).
+    plane of the other. A node whose brightness s is below `bright` (DN) counts for as much less:
+    dark nodes match by chance, and many must agree. Segments are found by runs: nodes of one row
+    that hang together. run_of, first, parent and size are int32 scratch (rows * columns).
 
     """
     ends = np.empty(BANDS, I4)
-    join_nodes(d, a, b, trust, rows, columns, step, run_of, first, parent, size, ends)
+    join_nodes(d, a, b, trust, s, bright, rows, columns, step, run_of, first, parent, size, ends)
     for k in range(1, BANDS):
         join_bands(d, b, trust, band(k, rows)[0], columns, step, run_of, parent)
     for k in range(BANDS):
@@ -936,7 +938,7 @@ def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, firs
                 size[root] += size[run]
     for k in range(BANDS):
         for run in range(band(k, rows)[0] * columns, ends[k]):
-            if size[root_of(parent, run)] < least_size:
+            if size[root_of(parent, run)] < WHOLE * least_size:
                 node = first[run]
                 while node < rows * columns and run_of[node] == run:
                     trust[node // columns + PAD, node % columns + PAD] = ISLAND
@@ -944,16 +946,21 @@ def remove_islands(d, a, b, trust, rows, columns, step, least_size, run_of, firs
 
 
 @banded(fastmath=FAST)
-def join_nodes(k, d, a, b, trust, rows, columns, step, run_of, first, parent, size, ends):
+def join_nodes(k, d, a, b, trust, s, bright, rows, columns, step, run_of, first, parent, size,
+               ends):
     """
     Join the nodes of each band to runs and the runs to segments; see `remove_islands`.
 
-    The runs of a band are counted from its first node on, ends is where that ends.
+    The runs of a band are counted from its first node on, ends is where that ends. size is in
+    parts of a bright node, WHOLE of which make one.
 
     """
     first_row, last_row = band(k, rows)
     runs = first_row * columns
-    links = stack_row()  # 1 trusted, + 2 hangs together with the left, + 4 with the upper node
+    # 1 trusted, + 2 hangs together with the left, + 4 with the upper node, + 8 times the size
+    links = stack_row()
+    whole, one = F4(WHOLE), F4(1)
+    parts = whole / bright
     for row in range(first_row, last_row):
         y = row + PAD
         last_run, last_above = -1, -1
@@ -964,7 +971,7 @@ def join_nodes(k, d, a, b, trust, rows, columns, step, run_of, first, parent, si
             lean, lean_before = a[y, left:right], a[y, left - 1:right - 1]
             fall, fall_above = b[y, left:right], b[y - 1, left:right]
             own, trust_before = trust[y, left:right], trust[y, left - 1:right - 1]
-            trust_above = trust[y - 1, left:right]
+            trust_above, light = trust[y - 1, left:right], s[y, left:right]
             for x in range(count):
                 trusted = own[x] > 0
                 step_x, step_y = here[x] - before[x], here[x] - above[x]
@@ -972,8 +979,9 @@ def join_nodes(k, d, a, b, trust, rows, columns, step, run_of, first, parent, si
                     (abs(step_x - lean_before[x]) < step) | (abs(step_x - lean[x]) < step))
                 with_upper = trusted & (trust_above[x] > 0) & (
                     (abs(step_y - fall_above[x]) < step) | (abs(step_y - fall[x]) < step))
-                links[x] = ((F4(1) if trusted else F4(0)) + (F4(2) if with_left else F4(0))
-                            + (F4(4) if with_upper else F4(0)))
+                weight = F4(I4(max(min(parts * light[x], whole), one)))
+                links[x] = ((F4(1) + F4(8) * weight if trusted else F4(0))
+                            + (F4(2) if with_left else F4(0)) + (F4(4) if with_upper else F4(0)))
             for x in range(count):
                 node = row * columns + start + x
                 link = np.int32(links[x])
@@ -982,12 +990,12 @@ def join_nodes(k, d, a, b, trust, rows, columns, step, run_of, first, parent, si
                     continue
                 if link & 2:
                     run = run_of[node - 1]
-                    size[run] += 1
+                    size[run] += link >> 3
                 else:
                     run = runs
                     first[run] = node
                     parent[run] = run
-                    size[run] = 1
+                    size[run] = link >> 3
                     runs += 1
                 run_of[node] = run
                 if link & 4 and row > first_row:

@@ -45,6 +45,7 @@ STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it does not fit
 INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
+BRIGHT = F4(48.0)   # DN of summed channels: of darker nodes more must agree to be no island
 SMOOTH_MISFIT = F4(4.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
 COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
@@ -309,8 +310,8 @@ class SurfaceMethod:
             self.distrust_discord()
         least_nodes = self.settings.matching.min_segment // 4
         if least_nodes > 1:
-            kernels.remove_islands(*self.planes, self.trust, *self.nodes, CONTINUOUS, least_nodes,
-                                   *self.segments)
+            kernels.remove_islands(*self.planes, self.trust, self.left.s, BRIGHT, *self.nodes,
+                                   CONTINUOUS, least_nodes, *self.segments)
         if self.settings.matching.occlusion_test:
             kernels.find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
                                 SEPARATE, self.hidden, *self.owners)
