@@ -443,7 +443,7 @@ def test_trust_is_the_weighted_sum_of_the_evidence():
 BRIGHT = 32  # parts of a node are then exact
 
 
-def brightness(seed):
+def light_of_nodes(seed):
     """Return brightnesses (DN) on both sides of BRIGHT, none where a part of a node begins."""
     rng = np.random.default_rng(seed)
     return framed(rng.integers(0, 2 * BRIGHT, (ROWS, COLUMNS)) + 0.5)
@@ -461,7 +461,7 @@ def test_nodes_of_a_band_are_joined_to_segments():
     shape, trust = scattered(24)
     run_of, first, parent, size = np.empty((4, ROWS * COLUMNS), np.int32)
     ends = np.empty(BANDS, np.int32)
-    light = brightness(25)
+    light = light_of_nodes(25)
     kernels.join_nodes(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS, run_of,
                        first, parent, size, ends)
     for k in range(BANDS):
@@ -481,7 +481,7 @@ def test_nodes_of_a_band_are_joined_to_segments():
 @pytest.mark.parametrize('least_size', [2, 6, 40])
 def test_islands_are_the_small_connected_segments(least_size):
     shape, trust = scattered(24)
-    light = brightness(25)
+    light = light_of_nodes(25)
     expected = naive.remove_islands(shape, trust, light, BRIGHT, ROWS, COLUMNS, 1.0, least_size)
     scratch = np.empty((4, ROWS * COLUMNS), np.int32)
     kernels.remove_islands(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS,
