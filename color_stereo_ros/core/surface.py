@@ -30,7 +30,7 @@ from .rectification import inside_image, raw_coordinates
 from .types import Measurement, Status
 
 F4 = np.float32
-SOFT = F4(3.0)      # DN: keeps the chromaticity of black finite
+SOFT = F4(0.5)      # DN: keeps the chromaticity of black finite
 NOISE = F4(6.0), F4(0.25), F4(0.0006)  # DN^2, DN, 1: a plausible camera; its scale is measured
 NOISE_WEIGHTS = 0.15, 1.0  # of a node that shows only noise: demosaiced, independent
 INDEPENDENT = 0.85, 0.95   # change to the next pixel / to the next but one: see noise_weight
