@@ -163,8 +163,9 @@ class SurfaceMethod:
         levels = [self.left.load(left, color), self.right.load(right, color)]
         if self.same_cameras(levels):
             levels = shared(levels)
-        self.left.fill(*levels[0], color, self.blur)
-        self.right.fill(*levels[1], color, self.blur)
+        gains = gains_of([mean for _, mean in levels]) if color.equalize else np.ones((2, 3), F4)
+        for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
+            view.fill(dark, gain, color, self.blur)
         self.noise_weight = F4(noise_weight(left) / (1 + 2 * self.blur) ** 2)
         clock.lap('colors')
         self.seed()
@@ -429,16 +430,15 @@ class View:
         kernels.channel_levels(self.pixels, step, F4(color.dark_level), DARKEST, dark, mean)
         return dark, mean
 
-    def fill(self, dark, mean, color, blur):
+    def fill(self, dark, gain, color, blur):
         """
         Rectify the image into chromaticity, brightness and variance.
 
-        dark, mean: as `load` returns them, or shared by both cameras. blur is the radius, in
+        dark: as `load` returns it; gain: float32 (3,) of the channels. blur is the radius, in
         nodes, over which the colors of slow patterns are averaged.
 
         """
         kernels.box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
-        gain = gains_of(mean) if color.equalize else np.ones(3, F4)
         kernels.sample_colors(self.box.reshape(-1), *self.index, np.uint32(self.box.shape[1]),
                               dark, gain, SOFT, F4(color.saturation_level - 1), NOISE,
                               self.widening, self.ring, self.u, self.v, self.s, self.peak,
@@ -506,10 +506,18 @@ def shared(levels):
     return [(dark, mean) for dark, _ in levels]
 
 
-def gains_of(mean):
-    """Return gains, float32 (3,), that make channels of these means equally bright."""
-    mean = [float(each) + 0.5 for each in mean]
-    return np.array([min(max(sum(mean) / 3 / each, 0.25), 4.0) for each in mean], F4)
+def gains_of(means):
+    """
+    Return the gains of the channels of both cameras, float32 (2, 3), from their means (DN).
+
+    They make the cameras alike, and the channels half as unequal as they are (of logarithms):
+    without that the hues of a weak channel count for little, fully amplified its noise for much.
+
+    """
+    means = np.array(means, np.float64) + 0.5
+    balance = means / means.mean(axis=1, keepdims=True)
+    common = np.sqrt(balance[0] * balance[1])
+    return np.clip(np.sqrt(common) / balance, 0.25, 4.0).astype(F4)
 
 
 SAME_BALANCE = 0.12  # of logarithms: cameras of one type under an aperiodic pattern
