@@ -258,7 +258,7 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     width = right_u.shape[1]
     m00, m01, m02 = matrix[0, 0], matrix[0, 1], matrix[0, 2]
     m10, m11, m12 = matrix[1, 0], matrix[1, 1], matrix[1, 2]
-    one, two, half = F4(1), F4(2), F4(0.5)
+    one, two, three, half, sixth = F4(1), F4(2), F4(3), F4(0.5), F4(1 / 6)
     first, last = band(k, tiles.shape[0])
     weights, moments, misfits = stack_row(), stack_row(), stack_row()
     for tile in range(first, last):
@@ -280,14 +280,14 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
                 t = place - F4(i)
                 i0, i1 = np.uint32(i - 1), np.uint32(i)
                 i2, i3 = np.uint32(i + 1), np.uint32(i + 2)
-                w0 = half * t * (-one + t * (two - t))
-                w1 = one + half * t * t * (F4(-5) + F4(3) * t)
-                w2 = half * t * (one + t * (F4(4) - F4(3) * t))
-                w3 = half * t * t * (t - one)
-                g0 = half * (-one + t * (F4(4) - F4(3) * t))
-                g1 = half * t * (F4(-10) + F4(9) * t)
-                g2 = half * (one + t * (F4(8) - F4(9) * t))
-                g3 = half * t * (F4(3) * t - two)
+                w0 = sixth * t * (t * (three - t) - two)
+                w1 = one + half * t * (t * (t - two) - one)
+                w2 = half * t * (two + t * (one - t))
+                w3 = sixth * t * (t * t - one)
+                g0 = sixth * (t * (F4(6) - three * t) - two)
+                g1 = half * (t * (three * t - F4(4)) - one)
+                g2 = half * (two + t * (two - three * t))
+                g3 = sixth * (three * t * t - one)
                 u0, u1, u2, u3 = ru[i0], ru[i1], ru[i2], ru[i3]
                 v0, v1, v2, v3 = rv[i0], rv[i1], rv[i2], rv[i3]
                 u = w0 * u0 + w1 * u1 + w2 * u2 + w3 * u3
