@@ -232,12 +232,10 @@ def one_sided_slope(values, at):
     return min(known, key=abs, default=0.0)
 
 
-def catmull_rom(p, t):
-    """Return the value and the derivative of a Catmull-Rom spline between p[1] and p[2]."""
-    c1 = 0.5 * (p[2] - p[0])
-    c2 = p[0] - 2.5 * p[1] + 2 * p[2] - 0.5 * p[3]
-    c3 = 1.5 * (p[1] - p[2]) + 0.5 * (p[3] - p[0])
-    return p[1] + c1 * t + c2 * t * t + c3 * t ** 3, c1 + 2 * c2 * t + 3 * c3 * t * t
+def cubic(p, t):
+    """Return value and derivative, t from p[1] towards p[2], of the cubic through four points."""
+    through = np.polynomial.Polynomial(np.linalg.solve(np.vander([-1, 0, 1, 2])[:, ::-1], p))
+    return through(t), through.deriv()(t)
 
 
 def linearize(left, right, matrix, d, tiles, robust, scale, reference):
@@ -252,7 +250,7 @@ def linearize(left, right, matrix, d, tiles, robust, scale, reference):
         noise = max(right[2, y, i], right[2, y, i + 1])
         if noise >= FLAT or left[2, y, x] >= FLAT:
             continue
-        (u, gu), (v, gv) = (catmull_rom(right[c, y, i - 1:i + 3].astype(float), place - i)
+        (u, gu), (v, gv) = (cubic(right[c, y, i - 1:i + 3].astype(float), place - i)
                             for c in (0, 1))
         error = left[:2, y, x] - matrix @ (u, v, 1)
         slope = matrix[:, :2] @ (gu, gv)

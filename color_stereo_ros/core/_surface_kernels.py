@@ -250,9 +250,10 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     With e = L - M R(x - d) and g = M R'(x - d), an error of the disparity shows as e = g (d -
     d_true). Writes weight = w g.g, moment = weight (d - reference) - w g.e and misfit = w e.e,
     where w = 1 / (scale (var_L + var_R)) and, in weight and moment, is multiplied by Cauchy's
-    1 / (1 + misfit / robust). Catmull-Rom interpolation: a linear one pulls towards whole
-    pixels. matrix (2, 3) maps right chromaticities to left ones. Unknown d, no information, or
-    a place outside the right image: weight = moment = 0, misfit NaN.
+    1 / (1 + misfit / robust). Interpolated by cubics through four columns: what is linear
+    pulls towards whole pixels, and Catmull-Rom does so by .006 px. matrix (2, 3) maps right
+    chromaticities to left ones. Unknown d, no information, or a place outside the right image:
+    weight = moment = 0, misfit NaN.
 
     """
     width = right_u.shape[1]
