@@ -41,6 +41,7 @@ STEEPEST = F4(6.0)  # px per node
 GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
 GATES_SLOW = 3.0, 1.5, 0.75  # likewise under a pattern whose colors change slowly
 STEADY = 2.0, 1.5, 0.5   # px between neighbors of one surface, likewise: seeds are rough
+EVEN = F4(0.75)     # px, likewise in the end
 STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it does not fit
 INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
@@ -190,12 +191,15 @@ class SurfaceMethod:
         # colors and noise are known better after the first round: everything is fitted anew
         fitted = self.tiles if turn < 2 else tiles
         self.linearize(fitted)
-        self.fit_planes(fitted, min(turn, len(GATES) - 1), 2 if turn == 0 else 1)
+        rough = self.fit_planes(fitted, min(turn, len(GATES) - 1), 2 if turn == 0 else 1)
         clock.lap(f'fit {turn + 1}')
         self.linearize(tiles)
         if turn == 0:
             self.adapt()
         clock.lap(f'compare {turn + 1}')
+        if turn > 0:
+            self.polish(rough, turn)
+            clock.lap(f'polish {turn + 1}')
 
     def same_cameras(self, levels):
         """
@@ -233,7 +237,7 @@ class SurfaceMethod:
 
     def fit_planes(self, tiles, turn, stride):
         """
-        Fit planes to the linearized nodes of some tiles.
+        Fit planes to the linearized nodes of some tiles; return those that got no wide windows.
 
         turn: which of the gates and of STEADY hold; stride: of the window rows near depth edges.
 
@@ -247,11 +251,28 @@ class SurfaceMethod:
             reach[smooth[wide]] = kernels.WIDE_RADIUS
         if len(tiles) < len(self.tiles):
             self.copy_planes()
+        self.solve_planes(tiles, reach, turn, stride, self.spare)
+        self.planes, self.spare = self.spare, self.planes
+        return tiles[reach < kernels.WIDE_RADIUS]
+
+    def polish(self, tiles, turn):
+        """
+        Fit those tiles once more, in wide windows, that only this round has shown to be smooth.
+
+        A single noisy node of the round before keeps a tile and its surroundings from it.
+
+        """
+        smooth = tiles[self.smooth(tiles, kernels.WIDE_RADIUS, EVEN)]
+        if smooth.size:  # no other node is read, so that the planes can be replaced in place
+            reach = np.full(len(smooth), kernels.WIDE_RADIUS, np.int8)
+            self.solve_planes(smooth, reach, turn, 1, self.planes)
+
+    def solve_planes(self, tiles, reach, turn, stride, out):
+        """Write the planes of some tiles, see `_surface_kernels.fit_planes`, into out."""
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
         kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, reach, self.gates[turn],
-                           stride, self.noise_weight, ridge, STEEPEST, self.reference, *self.spare,
+                           stride, self.noise_weight, ridge, STEEPEST, self.reference, *out,
                            self.variance)
-        self.planes, self.spare = self.spare, self.planes
 
     def smooth(self, tiles, halo, step=CONTINUOUS):
         """Return which tiles, with so many nodes around, one surface fills, bool (N,)."""
