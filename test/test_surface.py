@@ -2,9 +2,11 @@
 """The surface method on pairs of known disparity: its precision, its honesty and its switches."""
 
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 from color_stereo_ros.core import (CameraModel, ColorStereo, Settings, Status,
                                    StereoCalibration, surface)
+from color_stereo_ros.core import _surface_kernels as kernels
 from color_stereo_ros.core._arena import Arena
 from color_stereo_ros.core.coarse_search import CoarseSearch
 from color_stereo_ros.core.prior import Prior
@@ -346,6 +348,30 @@ def test_color_matching_makes_up_for_different_cameras():
     medians = [np.median(np.abs(errors(sensor(matching__color_matching=on).process(*pair),
                                        truth)[0])) for on in (False, True)]
     assert medians[1] < 0.9 * medians[0]
+
+
+def test_gains_make_cameras_alike_and_channels_half_as_unequal():
+    strong, weak = np.array([40.0, 10.0, 20.0]), np.array([20.0, 10.0, 5.0])
+    gains = surface.gains_of([strong - 0.5, weak - 0.5])
+    first, second = gains[0] * strong, gains[1] * weak
+    np.testing.assert_allclose(first / first.sum(), second / second.sum(), rtol=1e-6)
+    same = surface.gains_of([strong - 0.5, strong - 0.5])[0] * strong
+    np.testing.assert_allclose(same[0] / same[1], np.sqrt(strong[0] / strong[1]), rtol=1e-6)
+
+
+def test_tiles_that_are_smooth_in_the_end_get_wide_windows():
+    left, right = plane_pair(WIDTH, HEIGHT, 20)
+    method = sensor()._method
+    method.measure(left, right, SimpleNamespace(lap=lambda stage: None))
+    before = method.planes[0].copy(), method.variance.copy()
+    method.polish(method.tiles, 1)
+    changed = np.zeros(before[0].shape, bool)
+    for top, start in method.tiles[method.smooth(method.tiles, kernels.WIDE_RADIUS,
+                                                 surface.EVEN)]:
+        changed[top:top + kernels.TILE_ROWS, start:start + kernels.TILE_COLUMNS] = True
+    assert changed.any()
+    np.testing.assert_array_equal(method.planes[0][~changed], before[0][~changed])
+    assert (method.variance[changed] <= 1.05 * before[1][changed]).all()
 
 
 def test_the_occlusion_test_rejects_what_only_left_sees(step):

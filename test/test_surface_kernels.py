@@ -264,6 +264,23 @@ def compiled_linearize(left, right, d, tiles):
     return out
 
 
+@pytest.mark.parametrize('fraction', [0.1, 0.25, 0.5, 0.75, 0.9])
+def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
+    phase = 2 * np.pi / 12
+
+    def view(places):
+        colors = np.stack([np.cos(phase * places), np.sin(phase * places), 0.01 + 0 * places])
+        return np.repeat(colors[:, None], SHAPE[0], 1).astype(F4)
+
+    left = view(2 * (np.arange(SHAPE[1]) - PAD) - 8 - fraction)
+    d = framed(np.full((ROWS, COLUMNS), 8 + fraction), np.nan)
+    weight, moment = unknown(2)
+    kernels.linearize(*left, *view(np.arange(WIDTH)), np.eye(2, 3, dtype=F4), d, TILES,
+                      surface.ROBUST, F4(1), F4(0), weight, moment, unknown(1)[0])
+    # Catmull-Rom: 0.004 px at a quarter
+    assert abs(np.nansum(moment) / np.nansum(weight) - 8 - fraction) < 0.0005
+
+
 @pytest.mark.parametrize('tiles', [TILES, TILES[1:3]])
 def test_linearization_is_the_derivative_of_the_misfit(tiles):
     left, right = views(9)
