@@ -102,7 +102,8 @@ class ColorSettings(Group):
         4.0, 'smallest brightest channel above the dark level; below it a pixel counts as dark',
         unit='DN', minimum=0.0, maximum=255.0)
     equalize: bool = setting(
-        True, 'equalize the channels of the cameras before anything else')
+        True, 'equalize the channels of the cameras before anything else (surface method: half of '
+        'what they differ by, as more would amplify the noise of a weak channel)')
     equalize_cameras: str = setting(
         'automatic', 'separate: each camera has gains of its own; shared: two '
         'cameras of one type, the same gains for both (most precise); automatic: shared unless '
@@ -129,7 +130,7 @@ class MatchingSettings(Group):
         'surface', 'surface: coarse to fine with slanted surfaces (default); paper: the '
         'exhaustive search of the paper, sec. 2.2', choices=('surface', 'paper'))
     min_confidence: float = setting(
-        0.65, 'surface method: least probability of being right within 1 px; a larger value gives '
+        0.6, 'surface method: least probability of being right within 1 px; a larger value gives '
         'fewer and better ranges', minimum=0.0, maximum=1.0)
     smoothness: float = setting(
         1.0, 'surface method: how much the coarse search dislikes steps of the disparity, as a '
