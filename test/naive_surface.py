@@ -2,21 +2,25 @@
 """
 Loop-only twins of the surface method's kernels, in float64, written from their formulas.
 
-One function for every parallel kernel of `_surface_kernels` and `_coarse_kernels`, with its name;
+One function for every parallel kernel of the surface method, with its name;
 helpers without a twin of their own name are part of these. Twins return what the kernels write.
 
 """
 
 import math
 
-from color_stereo_ros.core import _coarse_kernels as coarse_kernels
-from color_stereo_ros.core import _surface_kernels as kernels
+from color_stereo_ros.core import _grid_kernels
+from color_stereo_ros.core._coarse_kernels import AGREEMENT, REPETITION
+from color_stereo_ros.core._grid_kernels import JITTER, PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core._neighbor_kernels import HALO
+from color_stereo_ros.core._pixel_kernels import bounded, OWN_SHARE
+from color_stereo_ros.core._plane_kernels import LEAST_WEIGHT, RADIUS
+from color_stereo_ros.core._trust_kernels import (
+    BENT, CORRELATED, HOPELESS, ISLAND, MOST_ODDS, MURK, PITCH_DARK, UNKNOWN, WHOLE)
 from color_stereo_ros.core.types import Status
 import numpy as np
 
-PAD, TILE_ROWS, TILE_COLUMNS = kernels.PAD, kernels.TILE_ROWS, kernels.TILE_COLUMNS
-RADIUS, HALO = kernels.RADIUS, kernels.HALO
-FLAT, CEILING = float(kernels.FLAT), float(kernels.CEILING)
+FLAT, CEILING = float(_grid_kernels.FLAT), float(_grid_kernels.CEILING)
 WINDOW = [(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)]
 CROSS = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)]
 
@@ -192,13 +196,13 @@ def winners(total, first, least_gap):
         best = [int(np.argmin(line)) for line in total[y]]
         for x, at in enumerate(best):
             rivals = [cost for k, cost in enumerate(total[y, x])
-                      if abs(k - at) > coarse_kernels.REPETITION]
+                      if abs(k - at) > REPETITION]
             clear[y, x] = min(rivals, default=math.inf) >= total[y, x, at] + least_gap
             right = x - (first + at)
             if not 0 <= right < total.shape[1]:
                 continue
             bids = [(total[y, i, k], -k) for i, k in enumerate(best) if i - (first + k) == right]
-            if abs(-min(bids)[1] - at) <= coarse_kernels.AGREEMENT:
+            if abs(-min(bids)[1] - at) <= AGREEMENT:
                 disparity[y, x] = first + at + v_fit(total[y, x], at)
     return disparity, clear
 
@@ -255,7 +259,7 @@ def linearize(left, right, matrix, d, tiles, robust, scale, reference):
         error = left[:2, y, x] - matrix @ (u, v, 1)
         slope = matrix[:, :2] @ (gu, gv)
         steep = slope @ slope
-        w = 1 / (scale * (left[2, y, x] + noise) + kernels.JITTER * steep)
+        w = 1 / (scale * (left[2, y, x] + noise) + JITTER * steep)
         chi = w * (error @ error)
         w /= 1 + chi / robust
         out[:, y, x] = w * steep, w * steep * (d[y, x] - reference) - w * (slope @ error), chi
@@ -306,7 +310,7 @@ def fitted_plane(weight, moment, last, y, x, window, noise_weight, ridge, steepe
         normal += weight[y + j, x + i] * np.outer(place, place)
         pulled += moment[y + j, x + i] * place
     total = normal[0, 0]
-    if total <= kernels.LEAST_WEIGHT:
+    if total <= LEAST_WEIGHT:
         return *last, np.inf
     means = normal[0, 1:] / total
     held = normal + ridge * total * np.diag([0, 1, 1])
@@ -351,7 +355,7 @@ def plane_misfit(left, right, matrix, scale, cap, planes, y, x, step_y, step_x):
     slope = (there - here)[:2]
     u, v = here[:2] + slope * (place - i)
     error = left[:2, y, x] - matrix @ (u, v, 1)
-    spread = scale * (left[2, y, x] + noise) + float(kernels.JITTER) * (slope @ slope)
+    spread = scale * (left[2, y, x] + noise) + float(JITTER) * (slope @ slope)
     return min(cap, error @ error / spread)
 
 
@@ -384,7 +388,7 @@ def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step, own
 
 def imbalance(left, right):
     """Return the difference over the sum of two brightnesses."""
-    return (left - right) / (left + right + 2 * float(kernels.MURK))
+    return (left - right) / (left + right + 2 * float(MURK))
 
 
 def brightness_balance(d, misfit, left_s, right_s, step, worst, shape):
@@ -432,7 +436,7 @@ def judge(planes, cost, misfit, variance, left_s, right_s, balance, rows, column
             min(abs(imbalance(left_s[y, x], other) - balance[row, column]), 1)])
         inputs = np.append(1, evidence[row, column])
         known = np.isfinite(d[y, x]) and np.isfinite(variance[y, x])
-        trust[row, column] = inputs @ model @ inputs if known else kernels.UNKNOWN
+        trust[row, column] = inputs @ model @ inputs if known else UNKNOWN
     return np.moveaxis(evidence, 2, 0), trust
 
 
@@ -461,7 +465,7 @@ def join_nodes(planes, trust, first_row, last_row, columns, step):
 
 def size_of(segment, s, bright):
     """Return the size of a segment, dark nodes counting less, in parts of a bright node."""
-    whole = kernels.WHOLE
+    whole = WHOLE
     return sum(max(1, min(whole, int(whole * s[node] / bright))) for node in segment)
 
 
@@ -469,9 +473,9 @@ def remove_islands(planes, trust, s, bright, rows, columns, step, least_size):
     """Return trust with ISLAND in small segments."""
     out = trust.copy()
     for segment in join_nodes(planes, trust, 0, rows, columns, step):
-        if size_of(segment, s, bright) < kernels.WHOLE * least_size:
+        if size_of(segment, s, bright) < WHOLE * least_size:
             for node in segment:
-                out[node] = kernels.ISLAND
+                out[node] = ISLAND
     return out
 
 
@@ -481,7 +485,7 @@ def find_hidden(planes, trust, rows, columns, width, tolerance):
     hidden = np.zeros((rows, columns), bool)
     for row in range(rows):
         y = row + PAD
-        claims = [x for x in range(PAD, PAD + columns) if trust[y, x] > kernels.ISLAND]
+        claims = [x for x in range(PAD, PAD + columns) if trust[y, x] > ISLAND]
         owner = {}
         for x in claims:
             center = 2 * (x - PAD) - d[y, x]
@@ -504,8 +508,8 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
     reason = np.zeros((rows, columns), np.uint8)
     for row, column in nodes_of((rows, columns)):
         node = row + PAD, column + PAD
-        apart = kernels.BENT * evidence[3, row, column] ** 2
-        std[row, column] = math.sqrt(kernels.CORRELATED * variance[node] + apart ** 2)
+        apart = BENT * evidence[3, row, column] ** 2
+        std[row, column] = math.sqrt(CORRELATED * variance[node] + apart ** 2)
         bright = peak[node] >= saturation
         reasons = [
             (Status.OUTSIDE_IMAGE, peak[node] < 0),
@@ -520,10 +524,10 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
             (Status.IMPLAUSIBLE, True)]
         reason[row, column] = next(code for code, holds in reasons if holds)
         hopeless = (peak[node] < 0 or variance[node] > vague ** 2
-                    or trust[node] < -kernels.MOST_ODDS
+                    or trust[node] < -MOST_ODDS
                     or not limits[0] <= d[node] <= limits[1]
-                    or s[node] < kernels.PITCH_DARK and not bright)
-        odds[row, column] = kernels.HOPELESS if hopeless else (
+                    or s[node] < PITCH_DARK and not bright)
+        odds[row, column] = HOPELESS if hopeless else (
             trust[node] + (hidden_odds if hidden[node] else 0))
     return std, odds, reason
 
@@ -535,9 +539,9 @@ def pixel_odds(odds, v, u, rows, columns):
     for j, weight_y in ((0, 0.75), (1 if v > 2 * node[0] else -1, 0.25)):
         for i, weight_x in ((0, 0.75), (1 if u > 2 * node[1] else -1, 0.25)):
             y, x = min(max(node[0] + j, 0), rows - 1), min(max(node[1] + i, 0), columns - 1)
-            interpolated += weight_y * weight_x * kernels.bounded.py_func(odds[y + PAD, x + PAD])
-    own = kernels.bounded.py_func(odds[node[0] + PAD, node[1] + PAD])
-    return kernels.OWN_SHARE * own + (1 - kernels.OWN_SHARE) * interpolated
+            interpolated += weight_y * weight_x * bounded.py_func(odds[y + PAD, x + PAD])
+    own = bounded.py_func(odds[node[0] + PAD, node[1] + PAD])
+    return OWN_SHARE * own + (1 - OWN_SHARE) * interpolated
 
 
 def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, offset, least_odds,
@@ -553,7 +557,7 @@ def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, off
         value = d + a * (u - 2 * column - 0.5) / 2 + b * (v - 2 * row - 0.5) / 2
         certainty = pixel_odds(odds, v, u, rows, columns)
         images[3, v, u] = 0
-        if odds[node] == kernels.HOPELESS or certainty < least_odds:
+        if odds[node] == HOPELESS or certainty < least_odds:
             codes[v, u] = reason[node]
         elif not limits[0] <= value <= limits[1]:
             codes[v, u] = Status.OUT_OF_RANGE

@@ -142,10 +142,10 @@ def test_processes_take_times_of_both_methods_and_of_opencv(tmp_path):
 CACHE_CODE = '''
 import numpy as np
 import color_stereo_ros
-from color_stereo_ros.core import _surface_kernels as kernels
+from color_stereo_ros.core._color_kernels import box_sums
 pixels = np.zeros((4, 4), np.uint32)
-kernels.box_sums(pixels, np.empty((4, 4), np.uint32))
-stats = kernels.box_sums.stats
+box_sums(pixels, np.empty((4, 4), np.uint32))
+stats = box_sums.stats
 print(color_stereo_ros.__file__, stats.cache_path, sum(stats.cache_hits.values()))
 '''
 

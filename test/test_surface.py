@@ -4,12 +4,14 @@
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
-from color_stereo_ros.core import (CameraModel, ColorStereo, Settings, Status,
-                                   StereoCalibration, surface)
-from color_stereo_ros.core import _surface_kernels as kernels
+from color_stereo_ros.core import (
+    CameraModel, ColorStereo, half_grid, Settings, Status, StereoCalibration, surface)
 from color_stereo_ros.core._arena import Arena
+from color_stereo_ros.core._grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core._plane_kernels import WIDE_RADIUS
 from color_stereo_ros.core.coarse_search import CoarseSearch
 from color_stereo_ros.core.prior import Prior
+from color_stereo_ros.core.rectification import raw_coordinates
 import numba
 import numpy as np
 import pytest
@@ -233,13 +235,13 @@ def test_print_shows_beside_slow_colors_and_noise_does_not(step_x):
     for light, shows in ((noise, False), (noise * ink, True)):
         view.u[:], view.s[:] = 0, 90 * light
         view.add_print()
-        level = np.log(view.s + surface.PRINT_KNEE)
-        radius = surface.PRINT_RADIUS, surface.PRINT_RADIUS * view.columns_per_node
+        level = np.log(view.s + half_grid.PRINT_KNEE)
+        radius = half_grid.PRINT_RADIUS, half_grid.PRINT_RADIUS * view.columns_per_node
         for y, x in rng.integers(20, min(view.s.shape) - 20, (200, 2)):
             around = level[y - radius[0]:y + radius[0] + 1, x - radius[1]:x + radius[1] + 1]
             excess = level[y, x] - around.mean()
-            expected = surface.PRINT_GAIN * np.sign(excess) * max(
-                abs(excess) - surface.LEAST_PRINT, 0)
+            expected = half_grid.PRINT_GAIN * np.sign(excess) * max(
+                abs(excess) - half_grid.LEAST_PRINT, 0)
             assert view.u[y, x] == pytest.approx(expected, abs=1e-4)
         assert (np.abs(view.u).max() > 0.05) == shows
 
@@ -366,9 +368,8 @@ def test_tiles_that_are_smooth_in_the_end_get_wide_windows():
     before = method.planes[0].copy(), method.variance.copy()
     method.polish(method.tiles, 1)
     changed = np.zeros(before[0].shape, bool)
-    for top, start in method.tiles[method.smooth(method.tiles, kernels.WIDE_RADIUS,
-                                                 surface.EVEN)]:
-        changed[top:top + kernels.TILE_ROWS, start:start + kernels.TILE_COLUMNS] = True
+    for top, start in method.tiles[method.smooth(method.tiles, WIDE_RADIUS, surface.EVEN)]:
+        changed[top:top + TILE_ROWS, start:start + TILE_COLUMNS] = True
     assert changed.any()
     np.testing.assert_array_equal(method.planes[0][~changed], before[0][~changed])
     assert (method.variance[changed] <= 1.05 * before[1][changed]).all()
@@ -475,13 +476,13 @@ def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 
     model = CameraModel('left', width, height, 'plumb_bob', np.array(distortion), camera,
                         np.eye(3), np.hstack([camera * [[zoom], [zoom], [1]], np.zeros((3, 1))]))
     rows, columns = height // 2, width // step_x - 1
-    shape = tuple(2 * surface.kernels.PAD + surface.whole(count, tile)
+    shape = tuple(2 * PAD + surface.whole(count, tile)
                   for count, tile in zip((rows, columns), (8, 32)))
-    view = surface.View(model, rows, columns, step_x, shape, False, Arena())
-    first = surface.kernels.PAD if step_x == 2 else 0
-    area = np.s_[surface.kernels.PAD:surface.kernels.PAD + rows, first:first + columns]
-    return view, area, surface.raw_coordinates(
-        surface.half_grid_camera(model, rows, columns, step_x))
+    view = half_grid.View(model, rows, columns, step_x, shape, False, Arena())
+    first = PAD if step_x == 2 else 0
+    area = np.s_[PAD:PAD + rows, first:first + columns]
+    return view, area, raw_coordinates(
+        half_grid.half_grid_camera(model, rows, columns, step_x))
 
 
 def seen(view, image):
@@ -528,4 +529,4 @@ def test_a_lens_whose_distortion_folds_leaves_the_rest_of_the_image_alone():
     known = view.kernel_variance[np.isfinite(view.kernel_variance)]
     view.even_out(np.median(known), Arena())
     center = view.widening[:, area[0], area[1]][:, 80:160, 110:210]
-    assert np.abs(center).max() < surface.MOST_GAIN
+    assert np.abs(center).max() < half_grid.MOST_GAIN

@@ -8,26 +8,37 @@ Kernels compute in float32, twins in float64: 1e-4 relative, or as stated.
 
 import ast
 from dataclasses import replace
-import inspect
 import os
 from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core import _coarse_kernels as coarse_kernels
-from color_stereo_ros.core import _surface_kernels as kernels, Settings, Status, surface
+from color_stereo_ros.core import Settings, Status, surface
 from color_stereo_ros.core._arena import Arena
 from color_stereo_ros.core._band_kernels import band, BANDS
+from color_stereo_ros.core._coarse_kernels import (
+    add_turned, GUARD, reduce_colors, seed_planes, winners)
+from color_stereo_ros.core._color_kernels import (
+    add_color_sums, box_sums, channel_levels, sample_colors)
+from color_stereo_ros.core._grid_kernels import CEILING, FLAT, PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core._neighbor_kernels import propagate
+from color_stereo_ros.core._pixel_kernels import expand
+from color_stereo_ros.core._plane_kernels import (
+    find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
+from color_stereo_ros.core._stack_kernels import LENGTH
+from color_stereo_ros.core._trust_kernels import (
+    brightness_balance, find_hidden, HOPELESS, ISLAND, join_nodes, judge, remove_islands,
+    root_of, settle, UNKNOWN)
 from color_stereo_ros.core.coarse_search import CoarseSearch, half_way
+from color_stereo_ros.core.half_grid import DARKEST, NOISE, SOFT
 from color_stereo_ros.core.prior import Prior
 import naive_surface as naive
 import numpy as np
 import pytest
 
 F4, I2 = np.float32, np.int16
-PAD = kernels.PAD
 ROWS, COLUMNS = 13, 41            # no multiples of a tile
-SHAPE = (2 * PAD + 2 * kernels.TILE_ROWS, 2 * PAD + 2 * kernels.TILE_COLUMNS)
+SHAPE = (2 * PAD + 2 * TILE_ROWS, 2 * PAD + 2 * TILE_COLUMNS)
 WIDTH = 2 * COLUMNS
 INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
 TILES = surface.tiles_of(SHAPE)
@@ -51,12 +62,12 @@ def smooth_noise(rng, shape):
 def colors(rng, width, first, shape, bad_share=0.05):
     """Return u, v, variance (3, *shape) of a view; some nodes say nothing."""
     out = np.zeros((3, *shape), F4)
-    out[2] = kernels.FLAT
+    out[2] = FLAT
     area = np.s_[PAD:PAD + ROWS, first:first + width]
     for channel in range(2):
         out[channel][area] = smooth_noise(rng, (ROWS, width))
     variance = rng.uniform(1e-3, 2e-2, (ROWS, width))
-    variance[rng.random((ROWS, width)) < bad_share] = kernels.FLAT
+    variance[rng.random((ROWS, width)) < bad_share] = FLAT
     out[2][area] = variance
     return out
 
@@ -83,8 +94,8 @@ def unknown(count):
 
 
 def test_every_parallel_kernel_has_a_twin():
-    parallel = [node.name for module in (kernels, coarse_kernels)
-                for node in ast.parse(inspect.getsource(module)).body
+    parallel = [node.name for path in Path(surface.__file__).parent.glob('*_kernels.py')
+                for node in ast.parse(path.read_text()).body
                 if isinstance(node, ast.FunctionDef)
                 and any('banded' in ast.unparse(mark) for mark in node.decorator_list)]
     assert parallel
@@ -96,7 +107,7 @@ def test_box_sums_are_exact(height, width):
     image = np.random.default_rng(1).integers(0, 256, (height, width, 3)).astype(np.uint8)
     out = np.empty((height, width), np.uint32)
     pixels = np.concatenate([image, 255 - image[..., :1]], axis=-1).view(np.uint32)[..., 0]
-    kernels.box_sums(pixels, out)
+    box_sums(pixels, out)
     unpacked = np.stack([out >> shift & 1023 for shift in (0, 10, 20)], axis=-1)
     np.testing.assert_array_equal(unpacked, naive.box_sums(image))
 
@@ -108,8 +119,8 @@ def test_channel_levels_are_dark_level_and_mean_above(known_dark, step, brightes
     image = np.sqrt(rng.uniform(0, 1, (90, 130, 4))) * brightest * [1, 0.5, 0.1, 1]
     image = image.astype(np.uint8)
     dark, mean = np.empty((2, 3), F4)
-    kernels.channel_levels(image, step, F4(known_dark), surface.DARKEST, dark, mean)
-    expected = naive.channel_levels(image, step, known_dark, surface.DARKEST)
+    channel_levels(image, step, F4(known_dark), DARKEST, dark, mean)
+    expected = naive.channel_levels(image, step, known_dark, DARKEST)
     np.testing.assert_allclose([dark, mean], expected, rtol=1e-4)
 
 
@@ -121,7 +132,7 @@ def test_colors_are_sampled_between_pixels_with_a_variance(rows, widened):
     box = rng.integers(0, 1021, (height, width, 3))
     box[rng.random(box.shape[:2]) < 0.1] = 40   # black
     box[rng.random(box.shape[:2]) < 0.1] = 1020
-    shape = rows, 2 * kernels.LENGTH + 3
+    shape = rows, 2 * LENGTH + 3
     row, column = rng.integers(0, height - 1, shape), rng.integers(0, width - 1, shape)
     index = (row * width + column).astype(np.int32)
     index[rng.random(index.shape) < 0.2] = -1
@@ -131,14 +142,14 @@ def test_colors_are_sampled_between_pixels_with_a_variance(rows, widened):
     out = np.full((5, *index.shape), 9, F4)
     widening = rng.uniform(-0.25, 0.25, (2, *shape) if widened else (2, 0, 0)).astype(F4)
     ring = np.empty((BANDS, 3, 3, shape[1]), F4)
-    kernels.sample_colors(packed.reshape(-1), index, frac_x, frac_y, np.uint32(width), dark, gain,
-                          surface.SOFT, F4(230), surface.NOISE, widening, ring, *out)
+    sample_colors(packed.reshape(-1), index, frac_x, frac_y, np.uint32(width), dark, gain,
+                  SOFT, F4(230), NOISE, widening, ring, *out)
     expected = list(naive.sample_colors(box, index, frac_x, frac_y, dark, gain,
-                                        float(surface.SOFT), 230, surface.NOISE))
+                                        float(SOFT), 230, NOISE))
     if widened:
         expected[:2] = [naive.widen(plane, *widening) for plane in expected[:2]]
     np.testing.assert_allclose(out, np.stack(expected), rtol=1e-4, atol=1e-4)
-    assert (out[4] < kernels.FLAT).any() and (out[4][index >= 0] == kernels.FLAT).any()
+    assert (out[4] < FLAT).any() and (out[4][index >= 0] == FLAT).any()
 
 
 @pytest.mark.parametrize('step_x, step_y, left', [(2, 2, PAD), (4, 2, 0)])
@@ -149,11 +160,11 @@ def test_coarse_colors_are_means_weighted_by_brightness(step_x, step_y, left):
     scale, knee = CoarseSearch.SCALE, CoarseSearch.KNEE
     out = np.empty((4, ROWS // step_y, COLUMNS // step_x), I2)
     brightness = np.empty(out.shape[1:], F4)
-    coarse_kernels.reduce_colors(u, v, s, PAD, left, step_x, step_y, surface.SOFT, scale, knee,
-                                 out[0], out[1], brightness, out[3],
-                                 np.empty((BANDS, 3, COLUMNS), F4))
+    reduce_colors(u, v, s, PAD, left, step_x, step_y, SOFT, scale, knee,
+                  out[0], out[1], brightness, out[3],
+                  np.empty((BANDS, 3, COLUMNS), F4))
     expected = naive.reduce_colors(u.astype(float), v, s.astype(float), PAD, left, step_x, step_y,
-                                   float(surface.SOFT), float(scale), float(knee), out.shape[1:])
+                                   float(SOFT), float(scale), float(knee), out.shape[1:])
     np.testing.assert_allclose(brightness, expected[2], rtol=1e-5)
     for channel in (0, 1, 3):  # whole units, rounded towards zero
         np.testing.assert_allclose(out[channel], np.trunc(expected[channel]), atol=1)
@@ -174,7 +185,7 @@ def searched(left, right, first, depth, small=0, large=0):
     """Return the coarse search after the costs and paths of the kernels."""
     rows, columns = left.shape[1:]
     search = CoarseSearch((2 * rows, 2 * columns), 0, (4 * first, 4 * first), PRIOR,
-                          surface.SOFT, Arena())
+                          SOFT, Arena())
     search.first, search.penalties = first, (I2(small), I2(large))
     search.allocate(rows, columns, depth, Arena())
     search.upright.left[:] = left
@@ -212,7 +223,7 @@ def test_turned_costs_are_added_where_they_belong():
     total = rng.integers(0, 9000, (5, 3, 70)).astype(I2)
     turned = rng.integers(0, 9000, (70, 3, 6)).astype(I2)
     expected = naive.add_turned(turned.transpose(0, 2, 1)[:, :5], total.transpose(0, 2, 1))
-    coarse_kernels.add_turned(turned.reshape(-1).view(np.int32), 70, total)
+    add_turned(turned.reshape(-1).view(np.int32), 70, total)
     np.testing.assert_array_equal(total.transpose(0, 2, 1), expected)
 
 
@@ -221,8 +232,8 @@ def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_riva
         first, depth, gap):
     total = np.random.default_rng(7).integers(0, 30, (6, depth, 17)).astype(I2)
     disparity, clear = np.empty((2, 6, 17), F4)
-    coarse_kernels.winners(total, first, gap, disparity, clear,
-                           np.empty((BANDS, 2, 17), np.int32))
+    winners(total, first, gap, disparity, clear,
+            np.empty((BANDS, 2, 17), np.int32))
     expected = naive.winners(total.transpose(0, 2, 1).astype(int), first, gap)
     np.testing.assert_allclose(disparity, expected[0], atol=1e-5)
     np.testing.assert_array_equal(clear, expected[1])
@@ -232,16 +243,16 @@ def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_riva
 
 def test_the_largest_path_costs_leave_room_for_the_disparity():
     # four paths, each at most eight capped pixels and the largest penalty that settings allow
-    search = CoarseSearch((24, 32), 64, (2, 20), replace(PRIOR, smoothness=40.0), surface.SOFT,
+    search = CoarseSearch((24, 32), 64, (2, 20), replace(PRIOR, smoothness=40.0), SOFT,
                           Arena())
     largest = 4 * (8 * int(search.CAP) + int(search.penalties[1]))
     assert largest < 2 ** 15
-    assert largest // 4 < coarse_kernels.GUARD
+    assert largest // 4 < GUARD
     total = np.full((1, 3, 5), largest, I2)
     total[:, 1] -= 1
     disparity, clear = np.empty((2, 1, 5), F4)
-    coarse_kernels.winners(total, -1, 0, disparity, clear,
-                           np.empty((BANDS, 2, 5), np.int32))
+    winners(total, -1, 0, disparity, clear,
+            np.empty((BANDS, 2, 5), np.int32))
     np.testing.assert_array_equal(disparity, 0)
 
 
@@ -251,7 +262,7 @@ def test_coarse_disparities_seed_planes(factor):
     coarse = rng.normal(0, 3, (ROWS // factor, COLUMNS // factor)).astype(F4)
     coarse[rng.random(coarse.shape) < 0.2] = np.nan
     out = unknown(3)
-    coarse_kernels.seed_planes(coarse, factor, F4(-0.5), ROWS, COLUMNS, *out)
+    seed_planes(coarse, factor, F4(-0.5), ROWS, COLUMNS, *out)
     expected = naive.seed_planes(coarse.astype(float), factor, -0.5, ROWS, COLUMNS)
     np.testing.assert_allclose(out[:, *INNER], expected, rtol=1e-4, atol=1e-4)
     assert np.isnan(out[0, :PAD]).all()
@@ -260,7 +271,7 @@ def test_coarse_disparities_seed_planes(factor):
 def compiled_linearize(left, right, d, tiles):
     """Return weight, moment and misfit of the kernel, NaN outside the tiles."""
     out = unknown(3)
-    kernels.linearize(*left, *right, MATRIX, d, tiles, surface.ROBUST, F4(1.7), F4(3.0), *out)
+    linearize(*left, *right, MATRIX, d, tiles, surface.ROBUST, F4(1.7), F4(3.0), *out)
     return out
 
 
@@ -275,8 +286,8 @@ def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
     left = view(2 * (np.arange(SHAPE[1]) - PAD) - 8 - fraction)
     d = framed(np.full((ROWS, COLUMNS), 8 + fraction), np.nan)
     weight, moment = unknown(2)
-    kernels.linearize(*left, *view(np.arange(WIDTH)), np.eye(2, 3, dtype=F4), d, TILES,
-                      surface.ROBUST, F4(1), F4(0), weight, moment, unknown(1)[0])
+    linearize(*left, *view(np.arange(WIDTH)), np.eye(2, 3, dtype=F4), d, TILES,
+              surface.ROBUST, F4(1), F4(0), weight, moment, unknown(1)[0])
     # Catmull-Rom: 0.004 px at a quarter
     assert abs(np.nansum(moment) / np.nansum(weight) - 8 - fraction) < 0.0005
 
@@ -303,8 +314,8 @@ def test_one_step_from_the_linearization_recovers_a_disparity():
         left[channel] = wave(phase + 0.3 * place)
     d = np.full(SHAPE, 7.0, F4)
     weight, moment, _ = unknown(3)
-    kernels.linearize(*left, *right, np.eye(2, 3, dtype=F4), d, TILES, surface.ROBUST, F4(1),
-                      F4(3), weight, moment, unknown(1)[0])
+    linearize(*left, *right, np.eye(2, 3, dtype=F4), d, TILES, surface.ROBUST, F4(1),
+              F4(3), weight, moment, unknown(1)[0])
     inside = weight > 0
     np.testing.assert_allclose(3 + moment[inside] / weight[inside], 7.3, atol=0.02)
 
@@ -321,10 +332,10 @@ def fit_inputs(seed):
 @pytest.mark.parametrize('gate, stride, ridge', [(0.8, 1, 0.5), (3.0, 1, 1e6), (1.5, 2, 0.5)])
 def test_planes_are_weighted_least_squares(gate, stride, ridge):
     weight, moment, shape = fit_inputs(12)
-    reach = np.array([0, kernels.RADIUS, kernels.WIDE_RADIUS, 0] * len(TILES))[:len(TILES)]
+    reach = np.array([0, RADIUS, WIDE_RADIUS, 0] * len(TILES))[:len(TILES)]
     out = unknown(4)
-    kernels.fit_planes(weight, moment, *shape, TILES, reach.astype(np.int8), F4(gate), stride,
-                       F4(0.7), F4(ridge), surface.STEEPEST, F4(3), *out)
+    fit_planes(weight, moment, *shape, TILES, reach.astype(np.int8), F4(gate), stride,
+               F4(0.7), F4(ridge), surface.STEEPEST, F4(3), *out)
     expected = naive.fit_planes(weight.astype(float), moment.astype(float), shape.astype(float),
                                 TILES, reach, gate, stride, 0.7, ridge,
                                 float(surface.STEEPEST), 3.0)
@@ -339,9 +350,9 @@ def test_planes_are_weighted_least_squares(gate, stride, ridge):
 def test_tiles_without_information_keep_their_planes():
     shape = planes(13)
     out = unknown(4)
-    kernels.fit_planes(np.zeros(SHAPE, F4), np.zeros(SHAPE, F4), *shape, TILES,
-                       np.zeros(len(TILES), np.int8), F4(1), 1, F4(0.7), F4(0.5),
-                       surface.STEEPEST, F4(0), *out)
+    fit_planes(np.zeros(SHAPE, F4), np.zeros(SHAPE, F4), *shape, TILES,
+               np.zeros(len(TILES), np.int8), F4(1), 1, F4(0.7), F4(0.5),
+               surface.STEEPEST, F4(0), *out)
     np.testing.assert_array_equal(out[:3, *INNER], shape[:, *INNER])
     assert np.isinf(out[3][INNER]).all()
 
@@ -362,10 +373,10 @@ def test_smooth_tiles_hold_one_surface(seed, change):
     if change == 'misfit':
         misfit[PAD:PAD + 8] = np.nan
     if 'dark' in change:
-        variance[PAD + 1:PAD + 8, PAD + 2:PAD + 9] = kernels.FLAT
+        variance[PAD + 1:PAD + 8, PAD + 2:PAD + 9] = FLAT
     smooth = np.empty(len(TILES), bool)
-    kernels.find_smooth_tiles(*shape, misfit, variance, TILES, 2, F4(1), surface.SMOOTH_MISFIT,
-                              smooth)
+    find_smooth_tiles(*shape, misfit, variance, TILES, 2, F4(1), surface.SMOOTH_MISFIT,
+                      smooth)
     expected = naive.find_smooth_tiles(shape.astype(float), misfit, variance, TILES, 2, 1.0,
                                        float(surface.SMOOTH_MISFIT))
     np.testing.assert_array_equal(smooth, expected)
@@ -380,8 +391,8 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
     out = unknown(4)
     out[3] = np.random.default_rng(23).uniform(5, 30, SHAPE)
     own_cost = out[3].copy() if judged else None
-    kernels.propagate(*left, *right, MATRIX, F4(1.3), surface.TRUNCATION, F4(0.5), *shape,
-                      tiles, step, judged, *out)
+    propagate(*left, *right, MATRIX, F4(1.3), surface.TRUNCATION, F4(0.5), *shape,
+              tiles, step, judged, *out)
     expected = naive.propagate(left.astype(float), right.astype(float), MATRIX.astype(float), 1.3,
                                float(surface.TRUNCATION), 0.5, shape, tiles, step, own_cost)
     inside = np.isfinite(expected[3])
@@ -394,8 +405,8 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
 def test_tiles_far_from_any_plane_stay_unknown():
     left, right = views(22)
     out = np.zeros((4, *SHAPE), F4)
-    kernels.propagate(*left, *right, MATRIX, F4(1), surface.TRUNCATION, F4(0.5),
-                      *unknown(3), TILES, 2, False, *out)
+    propagate(*left, *right, MATRIX, F4(1), surface.TRUNCATION, F4(0.5),
+              *unknown(3), TILES, 2, False, *out)
     assert np.isnan(out[0][INNER]).all()
     assert (out[3][INNER] == surface.TRUNCATION).all()
 
@@ -413,7 +424,7 @@ def test_brightness_is_compared_where_colors_match():
     d = planes(28)[0]
     misfit = rng.choice([1, 30, np.nan], SHAPE).astype(F4)
     out = np.empty((2, ROWS // 4, COLUMNS // 4), F4)
-    kernels.brightness_balance(d, misfit, left_s, right_s, 4, surface.ROBUST, *out)
+    brightness_balance(d, misfit, left_s, right_s, 4, surface.ROBUST, *out)
     expected = naive.brightness_balance(d, misfit, left_s, right_s, 4, float(surface.ROBUST),
                                         out[0].shape)
     assert 0 < out[1].mean() < 1
@@ -425,8 +436,8 @@ def test_color_sums_are_those_of_the_matched_nodes():
     d, misfit = planes(41)[0], np.random.default_rng(42).gamma(1, 8, SHAPE).astype(F4)
     misfit[np.isnan(d)] = np.nan
     normal, target = np.eye(3), np.zeros((3, 2))
-    kernels.add_color_sums(left[0], left[1], right[0], right[1], d, misfit, F4(9), ROWS, COLUMNS,
-                           3, 2, normal, target)
+    add_color_sums(left[0], left[1], right[0], right[1], d, misfit, F4(9), ROWS, COLUMNS,
+                   3, 2, normal, target)
     expected = naive.color_sums(left, right, d, misfit, 9, ROWS, COLUMNS, 3, 2)
     assert expected[0][2, 2] > 20
     np.testing.assert_allclose(normal - np.eye(3), expected[0], rtol=1e-4, atol=1e-4)
@@ -442,8 +453,8 @@ def judged(seed):
     variance = rng.choice([1e-3, 0.1, 4, np.inf], SHAPE).astype(F4)
     left_s, right_s, balance = brightness(rng)
     evidence, trust = np.empty((5, ROWS, COLUMNS), F4), np.zeros(SHAPE, F4)
-    kernels.judge(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
-                  surface.MODEL, evidence, trust)
+    judge(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
+          surface.MODEL, evidence, trust)
     expected = naive.judge(shape.astype(float), cost, misfit, variance.astype(float),
                            left_s.astype(float), right_s.astype(float), balance, ROWS, COLUMNS,
                            surface.MODEL.astype(float))
@@ -454,7 +465,7 @@ def test_trust_is_the_weighted_sum_of_the_evidence():
     (evidence, trust), expected = judged(23)
     np.testing.assert_allclose(evidence, expected[0], rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(trust, expected[1], rtol=1e-3, atol=5e-3)
-    assert (trust == kernels.UNKNOWN).any() and (trust > 0).any()
+    assert (trust == UNKNOWN).any() and (trust > 0).any()
 
 
 BRIGHT = 32  # parts of a node are then exact
@@ -479,8 +490,8 @@ def test_nodes_of_a_band_are_joined_to_segments():
     run_of, first, parent, size = np.empty((4, ROWS * COLUMNS), np.int32)
     ends = np.empty(BANDS, np.int32)
     light = light_of_nodes(25)
-    kernels.join_nodes(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS, run_of,
-                       first, parent, size, ends)
+    join_nodes(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS, run_of,
+               first, parent, size, ends)
     for k in range(BANDS):
         top, bottom = band.py_func(k, ROWS)
         found = {}
@@ -488,7 +499,7 @@ def test_nodes_of_a_band_are_joined_to_segments():
             if run_of[node] >= 0:
                 assert top * COLUMNS <= run_of[node] < ends[k]
                 place = node // COLUMNS + PAD, node % COLUMNS + PAD
-                found.setdefault(kernels.root_of.py_func(parent, run_of[node]), set()).add(place)
+                found.setdefault(root_of.py_func(parent, run_of[node]), set()).add(place)
         expected = naive.join_nodes(shape, trust, top, bottom, COLUMNS, 1.0)
         assert sorted(map(sorted, found.values())) == sorted(map(sorted, expected))
         runs = size[top * COLUMNS:ends[k]] if top < bottom else size[:0]
@@ -501,21 +512,21 @@ def test_islands_are_the_small_connected_segments(least_size):
     light = light_of_nodes(25)
     expected = naive.remove_islands(shape, trust, light, BRIGHT, ROWS, COLUMNS, 1.0, least_size)
     scratch = np.empty((4, ROWS * COLUMNS), np.int32)
-    kernels.remove_islands(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS,
-                           least_size, *scratch)
+    remove_islands(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS,
+                   least_size, *scratch)
     assert surface.CONTINUOUS == 1.0
     np.testing.assert_array_equal(trust, expected)
-    assert (trust == kernels.ISLAND).any() and (trust > 0).any()
+    assert (trust == ISLAND).any() and (trust > 0).any()
 
 
 def test_hidden_nodes_lie_behind_more_trusted_ones():
     rng = np.random.default_rng(25)
     shape = planes(25, unknown_share=0.1, jump=12.0)
-    trust = framed(rng.normal(0, 3, (ROWS, COLUMNS)), kernels.UNKNOWN)
-    trust[np.isnan(shape[0])] = kernels.UNKNOWN
+    trust = framed(rng.normal(0, 3, (ROWS, COLUMNS)), UNKNOWN)
+    trust[np.isnan(shape[0])] = UNKNOWN
     hidden = np.zeros(SHAPE, bool)
-    kernels.find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, surface.SEPARATE, hidden,
-                        np.empty((BANDS, WIDTH), np.int32), np.empty((BANDS, WIDTH), F4))
+    find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, surface.SEPARATE, hidden,
+                np.empty((BANDS, WIDTH), np.int32), np.empty((BANDS, WIDTH), F4))
     expected = naive.find_hidden(shape, trust, ROWS, COLUMNS, WIDTH, float(surface.SEPARATE))
     assert hidden.any() and not hidden[INNER].all()
     np.testing.assert_array_equal(hidden[INNER], expected)
@@ -526,16 +537,16 @@ def test_every_reason_is_given_and_as_documented():
     d = framed(rng.choice([np.nan, -9, 0, 3, 8, 30], (ROWS, COLUMNS)))
     variance = rng.choice([1e-3, 0.2, np.inf], SHAPE).astype(F4)
     evidence = rng.uniform(0, 1, (5, ROWS, COLUMNS)).astype(F4)
-    cost = rng.choice([1, 0.9 * kernels.CEILING], SHAPE).astype(F4)
-    trust = rng.choice([kernels.ISLAND, -4, 0, 1.5, 4], SHAPE).astype(F4)
+    cost = rng.choice([1, 0.9 * CEILING], SHAPE).astype(F4)
+    trust = rng.choice([ISLAND, -4, 0, 1.5, 4], SHAPE).astype(F4)
     hidden = rng.random(SHAPE) < 0.3
     peak = rng.choice([-1, 40, 40, 40, 255], SHAPE).astype(F4)
     s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
     std, odds = np.zeros((2, *SHAPE), F4)
     reason = np.zeros(SHAPE, np.uint8)
     rest = (np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, surface.VAGUE)
-    kernels.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
-                   odds, reason)
+    settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
+           odds, reason)
     expected = naive.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS,
                             *rest)
     np.testing.assert_allclose(std[INNER], expected[0], rtol=1e-4)
@@ -549,14 +560,14 @@ def expanded(size, seed):
     rng = np.random.default_rng(seed)
     shape = planes(seed)
     std = rng.random(SHAPE).astype(F4)
-    odds = rng.choice([kernels.HOPELESS, -20, -1, 2, 5], SHAPE).astype(F4)
-    odds[np.isnan(shape[0])] = kernels.HOPELESS
+    odds = rng.choice([HOPELESS, -20, -1, 2, 5], SHAPE).astype(F4)
+    odds[np.isnan(shape[0])] = HOPELESS
     odds[:, PAD - 1], odds[:, PAD + COLUMNS] = odds[:, PAD], odds[:, PAD + COLUMNS - 1]
     reason = rng.choice([Status.AMBIGUOUS, Status.NO_MATCH], SHAPE).astype(np.uint8)
     limits, least = np.array([-3, 9], F4), F4(0.4)
     images, codes = np.empty((4, *size), F4), np.empty(size, np.uint8)
-    kernels.expand(*shape, std, odds, reason, ROWS, COLUMNS, limits, F4(40), F4(-20), least,
-                   *images, codes)
+    expand(*shape, std, odds, reason, ROWS, COLUMNS, limits, F4(40), F4(-20), least,
+           *images, codes)
     expected = naive.expand(shape, std, odds, reason, ROWS, COLUMNS, limits, 40.0, -20.0,
                             float(least), size)
     return (images, codes), expected
@@ -576,8 +587,8 @@ def test_a_pixel_beside_a_doubtful_node_is_doubted_more():
     flat = [framed(np.full((ROWS, COLUMNS), value)) for value in (5.0, 0.0, 0.0)]
     images, codes = np.empty((4, 2 * ROWS, 2 * COLUMNS), F4), np.empty(
         (2 * ROWS, 2 * COLUMNS), np.uint8)
-    kernels.expand(*flat, odds, odds, np.zeros(SHAPE, np.uint8), ROWS, COLUMNS,
-                   np.array([-3, 9], F4), F4(40), F4(-20), F4(-9), *images, codes)
+    expand(*flat, odds, odds, np.zeros(SHAPE, np.uint8), ROWS, COLUMNS,
+           np.array([-3, 9], F4), F4(40), F4(-20), F4(-9), *images, codes)
     confidence = images[3]
     assert confidence[6, 11] < confidence[6, 12] < confidence[6, 13]
     assert confidence[6, 13] == pytest.approx(1 / (1 + np.exp(-2)), abs=1e-4)

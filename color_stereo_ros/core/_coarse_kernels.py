@@ -2,7 +2,7 @@
 """
 Kernels of the coarse search: bare arrays in and out, meaning lives in `coarse_search`.
 
-The *coarse grid* has one node per `2 * factor` pixels, the half grid (see `_surface_kernels`) one
+The *coarse grid* has one node per `2 * factor` pixels, the half grid (see `_grid_kernels`) one
 per two. A *volume*, int16 (lines, D, lanes), holds a number for every node and disparity; it comes
 in two layouts, with the rows of the coarse grid as its lines and with the columns. A semi-global
 path runs from line to line, so that all lanes, and all disparities, go through one SIMD loop.
@@ -14,9 +14,9 @@ import math
 import numpy as np
 
 from ._band_kernels import band, banded
+from ._grid_kernels import F4, FAST, I4, PAD
 from ._part_kernels import part
 from ._stack_kernels import LENGTH, stack_integers
-from ._surface_kernels import F4, FAST, I4, PAD
 
 I2 = np.int16
 REPETITION = 2  # coarse nodes: what is nearer to the best disparity is the same match

@@ -6,12 +6,10 @@ import math
 import cv2
 import numpy as np
 
-from . import _coarse_kernels as kernels
 from ._band_kernels import BANDS
-from ._surface_kernels import PAD
+from ._coarse_kernels import add_turned, cost_volume, reduce_colors, sgm_paths, winners
+from ._grid_kernels import F4, PAD
 from .triangulation import search_interval
-
-F4 = np.float32
 
 
 class CoarseSearch:
@@ -95,8 +93,8 @@ class CoarseSearch:
         self.fill_colors(left, right)
         self.turn()
         self.aggregate()
-        kernels.winners(self.upright.total, self.first, self.least_gap, self.disparity, self.clear,
-                        self.best)
+        winners(self.upright.total, self.first, self.least_gap, self.disparity, self.clear,
+                self.best)
         if self.least_gap > 0:
             self.ambiguous = cv2.blur(self.clear, self.REGION) < self.CLEAR_SHARE
             self.disparity[self.ambiguous] = np.nan
@@ -108,21 +106,21 @@ class CoarseSearch:
         columns, lanes = upright.cost.shape[2], turned.cost.shape[2]
         # column x - d of the right image lies margin further on
         width, start = columns + 2 * self.margin, self.margin - self.first
-        kernels.cost_volume(upright.left, upright.flat_right, start, width, 1, self.CAP,
-                            self.NEUTRAL, upright.cost, upright.scratch)
-        kernels.cost_volume(turned.left, turned.flat_right, start * lanes, lanes, lanes, self.CAP,
-                            self.NEUTRAL, turned.cost, turned.scratch)
-        kernels.sgm_paths(upright.cost, turned.cost, *self.penalties, upright.total, turned.total,
-                          self.path_scratch)
-        kernels.add_turned(self.pairs, columns, upright.total)
+        cost_volume(upright.left, upright.flat_right, start, width, 1, self.CAP,
+                    self.NEUTRAL, upright.cost, upright.scratch)
+        cost_volume(turned.left, turned.flat_right, start * lanes, lanes, lanes, self.CAP,
+                    self.NEUTRAL, turned.cost, turned.scratch)
+        sgm_paths(upright.cost, turned.cost, *self.penalties, upright.total, turned.total,
+                  self.path_scratch)
+        add_turned(self.pairs, columns, upright.total)
 
     def fill_colors(self, left, right):
         """Write u, v, texture and trust of both views."""
         for view, first, step, out in ((left, PAD, self.factor, self.upright.left),
                                        (right, 0, 2 * self.factor, self.colors)):
-            kernels.reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor, self.soft,
-                                  self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3],
-                                  self.sums)
+            reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor, self.soft,
+                          self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3],
+                          self.sums)
             self.fill_texture(out[2])
         self.upright.inner[:2], self.upright.inner[2:4] = (
             half_way(self.colors[:2]) if self.prior.repeats else (self.colors[:2],) * 2)

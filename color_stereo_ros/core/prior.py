@@ -51,7 +51,8 @@ class Prior:
 def _kind(pattern, width):
     """Return the prior before the settings change it."""
     if pattern.type in APERIODIC:
-        return Prior(texture=0.35, surroundings=9, knee=12.0, smoothness=1.0, blur=0, repeats=False)
+        return Prior(texture=0.35, surroundings=9, knee=12.0, smoothness=1.0, blur=0,
+                     repeats=False)
     cycles = pattern.cycles if pattern.type in SLOW else math.inf  # unknown
     # A color that changes slowly shows its slope only over many pixels.
     blur = min(4, round(width / cycles / 160))

@@ -102,8 +102,8 @@ class ColorSettings(Group):
         4.0, 'smallest brightest channel above the dark level; below it a pixel counts as dark',
         unit='DN', minimum=0.0, maximum=255.0)
     equalize: bool = setting(
-        True, 'equalize the channels of the cameras before anything else (surface method: half of '
-        'what they differ by, as more would amplify the noise of a weak channel)')
+        True, 'equalize the channels of the cameras before anything else; the surface method removes '
+        'half of the difference only, since more would amplify the noise of a weak channel')
     equalize_cameras: str = setting(
         'automatic', 'separate: each camera has gains of its own; shared: two '
         'cameras of one type, the same gains for both (most precise); automatic: shared unless '

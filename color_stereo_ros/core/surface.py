@@ -10,28 +10,29 @@ The surface method: coarse to fine, with a slanted plane at every node.
 4. Honest: what is hidden from the right camera, fits badly or is too uncertain gets no range.
 
 The cost of all but the coarse step does not depend on the number of disparities. Arrays that
-live on the half grid carry the frame that `_surface_kernels` describes.
+live on the half grid carry the frame that `_grid_kernels` describes.
 
 """
 
 import math
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 
-from . import _surface_kernels as kernels
 from ._arena import Arena
 from ._band_kernels import BANDS
 from ._coarse_kernels import seed_planes
+from ._color_kernels import add_color_sums
+from ._grid_kernels import F4, PAD, TILE_COLUMNS, TILE_ROWS
+from ._neighbor_kernels import HALO, propagate
+from ._pixel_kernels import expand
+from ._plane_kernels import find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS
+from ._trust_kernels import brightness_balance, find_hidden, judge, remove_islands, settle
 from .coarse_search import CoarseSearch
+from .half_grid import framed_area, SOFT, View
 from .prior import APERIODIC, Prior
-from .rectification import inside_image, raw_coordinates
 from .types import Measurement, Status
 
-F4 = np.float32
-SOFT = F4(0.5)      # DN: keeps the chromaticity of black finite
-NOISE = F4(6.0), F4(0.25), F4(0.0006)  # DN^2, DN, 1: a plausible camera; its scale is measured
 NOISE_WEIGHTS = 0.15, 1.0  # of a node that shows only noise: demosaiced, independent
 INDEPENDENT = 0.85, 0.95   # change to the next pixel / to the next but one: see noise_weight
 QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
@@ -53,7 +54,7 @@ COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
 VAGUE = 0.7         # px: standard deviation of a plane that is too uncertain to publish
 VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
 # Log-odds of being right within 1 px: a quadratic form of one and the evidence that
-# `_surface_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
+# `_trust_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
 MODEL = np.array([
     [12.516, -0.863, -0.749, -16.460, -8.159, -5.095],
     [0, -0.002, -0.044, 0.104, 0.272, 0.545],
@@ -61,15 +62,12 @@ MODEL = np.array([
     [0, 0, 0, 10.139, -1.186, 1.850],
     [0, 0, 0, 0, 1.705, 2.141],
     [0, 0, 0, 0, 0, -4.752]], F4)
-HIDDEN_ODDS = F4(-4.0)  # more than the fit says (-1): no cheaper way to fewer false ranges
-ODDS_SLOW = F4(-1.0)  # likewise: added where colors change slowly
+HIDDEN_ODDS = F4(-4.0)  # more than the fit (-1): there is no cheaper way to fewer false ranges
+ODDS_SLOW = F4(-1.0)  # of all nodes under a pattern whose colors change slowly
 BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
 BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
 ADAPT_STEPS = 8, 4  # nodes between samples: thousands are left at 640 x 480
-PIXEL_VARIANCE = 0.75  # px^2, of a pixel behind a mosaic and the sum of two of them
-LEAST_GAIN, MOST_GAIN = 0.02, 0.25  # of second differences: worth the time, and still tame
 THINNED = 2         # nodes between samples
-FOLD = 0.1          # of the usual area of a node in the raw image: less is no image of anything
 SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
 APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
 DISCORD = F4(0.65)  # matches are chance,
@@ -98,10 +96,10 @@ class SurfaceMethod:
         self.limits = np.array(limits, F4)
         height, width = self.geometry.height, self.geometry.width
         self.nodes = height // 2, width // 2
-        shape = tuple(2 * kernels.PAD + whole(count, tile) for count, tile in zip(
-            self.nodes, (kernels.TILE_ROWS, kernels.TILE_COLUMNS)))
+        shape = tuple(2 * PAD + whole(count, tile) for count, tile in zip(
+            self.nodes, (TILE_ROWS, TILE_COLUMNS)))
         rows, columns = self.nodes
-        self.inner = framed_area(rows, columns, kernels.PAD)
+        self.inner = framed_area(rows, columns, PAD)
         arena = Arena()
         self.left = View(calibration.left, rows, columns, 2, shape, rectified_input, arena)
         self.right = View(calibration.right, rows, width - 1, 1, (shape[0], width),
@@ -221,7 +219,7 @@ class SurfaceMethod:
         """Search all disparities on the coarse grid and give every node a first plane."""
         found = self.coarse.search(self.left, self.right)
         # tiles reach beyond the nodes, and what a fit left there belongs to the last pair
-        rows, columns = (kernels.PAD + count for count in self.nodes)
+        rows, columns = (PAD + count for count in self.nodes)
         for plane, nothing in zip(self.planes, (np.nan, 0, 0)):
             plane[rows:] = nothing
             plane[:, columns:] = nothing
@@ -231,9 +229,9 @@ class SurfaceMethod:
     def linearize(self, tiles):
         """Compare the nodes of some tiles with the places that their disparities point to."""
         left, right = self.left, self.right
-        kernels.linearize(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                          self.matrix, self.planes[0], tiles, ROBUST, self.scale, self.reference,
-                          self.weight, self.moment, self.misfit)
+        linearize(left.u, left.v, left.variance, right.u, right.v, right.variance,
+                  self.matrix, self.planes[0], tiles, ROBUST, self.scale, self.reference,
+                  self.weight, self.moment, self.misfit)
 
     def fit_planes(self, tiles, turn, stride):
         """
@@ -244,16 +242,16 @@ class SurfaceMethod:
         """
         step = F4(STEADY[turn])
         reach = np.zeros(len(tiles), np.int8)
-        smooth = np.flatnonzero(self.smooth(tiles, kernels.RADIUS, step))
-        reach[smooth] = kernels.RADIUS
+        smooth = np.flatnonzero(self.smooth(tiles, RADIUS, step))
+        reach[smooth] = RADIUS
         if turn > 0:  # planes of seeds are too rough to tell how far a surface goes
-            wide = self.smooth(tiles[smooth], kernels.WIDE_RADIUS, step)
-            reach[smooth[wide]] = kernels.WIDE_RADIUS
+            wide = self.smooth(tiles[smooth], WIDE_RADIUS, step)
+            reach[smooth[wide]] = WIDE_RADIUS
         if len(tiles) < len(self.tiles):
             self.copy_planes()
         self.solve_planes(tiles, reach, turn, stride, self.spare)
         self.planes, self.spare = self.spare, self.planes
-        return tiles[reach < kernels.WIDE_RADIUS]
+        return tiles[reach < WIDE_RADIUS]
 
     def polish(self, tiles, turn):
         """
@@ -262,23 +260,23 @@ class SurfaceMethod:
         A single noisy node of the round before keeps a tile and its surroundings from it.
 
         """
-        smooth = tiles[self.smooth(tiles, kernels.WIDE_RADIUS, EVEN)]
+        smooth = tiles[self.smooth(tiles, WIDE_RADIUS, EVEN)]
         if smooth.size:  # no other node is read, so that the planes can be replaced in place
-            reach = np.full(len(smooth), kernels.WIDE_RADIUS, np.int8)
+            reach = np.full(len(smooth), WIDE_RADIUS, np.int8)
             self.solve_planes(smooth, reach, turn, 1, self.planes)
 
     def solve_planes(self, tiles, reach, turn, stride, out):
-        """Write the planes of some tiles, see `_surface_kernels.fit_planes`, into out."""
+        """Write the planes of some tiles, see `_plane_kernels.fit_planes`, into out."""
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
-        kernels.fit_planes(self.weight, self.moment, *self.planes, tiles, reach, self.gates[turn],
-                           stride, self.noise_weight, ridge, STEEPEST, self.reference, *out,
-                           self.variance)
+        fit_planes(self.weight, self.moment, *self.planes, tiles, reach, self.gates[turn],
+                   stride, self.noise_weight, ridge, STEEPEST, self.reference, *out,
+                   self.variance)
 
     def smooth(self, tiles, halo, step=CONTINUOUS):
         """Return which tiles, with so many nodes around, one surface fills, bool (N,)."""
         smooth = np.empty(len(tiles), bool)
-        kernels.find_smooth_tiles(*self.planes, self.misfit, self.left.variance, tiles, halo,
-                                  step, SMOOTH_MISFIT, smooth)
+        find_smooth_tiles(*self.planes, self.misfit, self.left.variance, tiles, halo,
+                          step, SMOOTH_MISFIT, smooth)
         return smooth
 
     def copy_planes(self):
@@ -288,22 +286,22 @@ class SurfaceMethod:
 
     def propagate(self, steps):
         """Let nodes of rough tiles try the planes of their neighbors; return these tiles."""
-        tiles = self.tiles[~self.smooth(self.tiles, kernels.HALO)]
+        tiles = self.tiles[~self.smooth(self.tiles, HALO)]
         self.copy_planes()
         left, right = self.left, self.right
         for turn, step in enumerate(steps):
             # the planes of the first call cost what it found
-            kernels.propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                              self.matrix, self.scale, TRUNCATION, self.inertia, *self.planes,
-                              tiles, step, turn > 0, *self.spare, self.cost)
+            propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
+                      self.matrix, self.scale, TRUNCATION, self.inertia, *self.planes,
+                      tiles, step, turn > 0, *self.spare, self.cost)
             self.planes, self.spare = self.spare, self.planes
         return tiles
 
     def adapt(self):
         """Measure from the matches so far how colors and noise of this pair really are."""
         rows, columns = self.nodes
-        area = np.s_[kernels.PAD + 1:kernels.PAD + rows:ADAPT_STEPS[0],
-                     kernels.PAD + 1:kernels.PAD + columns:ADAPT_STEPS[1]]
+        area = np.s_[PAD + 1:PAD + rows:ADAPT_STEPS[0],
+                     PAD + 1:PAD + columns:ADAPT_STEPS[1]]
         misfit = self.misfit[area]
         known = misfit[np.isfinite(misfit)]
         if known.size < 100:
@@ -318,31 +316,31 @@ class SurfaceMethod:
         # a prior of 100 nodes for equal cameras steadies images with little color
         normal, target = np.diag([50.0, 50.0, 50.0]), 50 * np.eye(3, 2)
         left, right = self.left, self.right
-        kernels.add_color_sums(left.u, left.v, right.u, right.v, self.planes[0], self.misfit,
-                               ROBUST * self.scale, *self.nodes, *ADAPT_STEPS, normal, target)
+        add_color_sums(left.u, left.v, right.u, right.v, self.planes[0], self.misfit,
+                       ROBUST * self.scale, *self.nodes, *ADAPT_STEPS, normal, target)
         # rows in memory as in `measure`: another layout would compile the kernels again
         return np.ascontiguousarray(np.linalg.solve(normal, target).T, F4)
 
     def judge(self):
         """Find out how far each node can be trusted, and why some cannot."""
-        kernels.judge(*self.planes, self.cost, self.misfit, self.variance, self.left.s,
-                      self.right.s, self.usual_balance(), *self.nodes, self.model, self.evidence,
-                      self.trust)
+        judge(*self.planes, self.cost, self.misfit, self.variance, self.left.s,
+              self.right.s, self.usual_balance(), *self.nodes, self.model, self.evidence,
+              self.trust)
         if not self.blur:
             self.distrust_discord()
         least_nodes = self.settings.matching.min_segment // 4
         if least_nodes > 1:
-            kernels.remove_islands(*self.planes, self.trust, self.left.s, BRIGHT, *self.nodes,
-                                   CONTINUOUS, least_nodes, *self.segments)
+            remove_islands(*self.planes, self.trust, self.left.s, BRIGHT, *self.nodes,
+                           CONTINUOUS, least_nodes, *self.segments)
         if self.settings.matching.occlusion_test:
-            kernels.find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
-                                SEPARATE, self.hidden, *self.owners)
+            find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
+                        SEPARATE, self.hidden, *self.owners)
         color = self.settings.color
-        kernels.settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust,
-                       self.hidden, self.left.peak, self.left.s, *self.nodes,
-                       self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
-                       F4(color.min_signal), HIDDEN_ODDS, self.vague, self.std, self.odds,
-                       self.reason)
+        settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust,
+               self.hidden, self.left.peak, self.left.s, *self.nodes,
+               self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
+               F4(color.min_signal), HIDDEN_ODDS, self.vague, self.std, self.odds,
+               self.reason)
         if self.coarse.ambiguous.any():
             self.explain_repetitions()
 
@@ -357,8 +355,8 @@ class SurfaceMethod:
 
     def usual_balance(self):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
-        kernels.brightness_balance(self.planes[0], self.misfit, self.left.s, self.right.s,
-                                   BALANCE_STEP, ROBUST, *self.balance)
+        brightness_balance(self.planes[0], self.misfit, self.left.s, self.right.s,
+                           BALANCE_STEP, ROBUST, *self.balance)
         balance, weight = (cv2.blur(each, BALANCE_SURROUNDINGS) for each in self.balance)
         return cv2.resize(balance / np.maximum(weight, F4(1e-3)), self.nodes[::-1],
                           interpolation=cv2.INTER_LINEAR)
@@ -390,102 +388,14 @@ class SurfaceMethod:
         shape = self.geometry.height, self.geometry.width
         disparity, depth, std, confidence = np.empty((4, *shape), F4)
         status = np.empty(shape, np.uint8)
-        kernels.expand(*self.planes, self.std, self.odds, self.reason, *self.nodes,
-                       self.limits, F4(self.geometry.focal_baseline),
-                       F4(self.geometry.principal_offset),
-                       log_odds(self.settings.matching.min_confidence), disparity, depth, std,
-                       confidence, status)
+        expand(*self.planes, self.std, self.odds, self.reason, *self.nodes,
+               self.limits, F4(self.geometry.focal_baseline),
+               F4(self.geometry.principal_offset),
+               log_odds(self.settings.matching.min_confidence), disparity, depth, std,
+               confidence, status)
         clock.lap('expand')
         return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
                            status=status, depth=depth)
-
-
-class View:
-    """The colors of one camera on its half grid, and the buffers for them."""
-
-    def __init__(self, camera, rows, columns, step_x, shape, rectified, arena):
-        """Build the map; see `half_grid_index` for the arguments."""
-        places = None if rectified else raw_coordinates(
-            half_grid_camera(camera, rows, columns, step_x))
-        self.index = [arena.copy(each) for each in half_grid_index(
-            camera, rows, columns, step_x, shape, places)]
-        self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
-        self.box = arena.empty((camera.height, camera.width), np.uint32)
-        self.columns_per_node = 2 // step_x
-        self.kernel_variance = kernel_variance(camera, rows, columns, step_x, places)
-        self.widening = np.empty((2, 0, 0), F4)
-        self.ring = arena.empty((BANDS, 3, 3, shape[1]), F4)
-        self.u, self.v, self.s, self.peak, self.variance = (
-            arena.zeros(shape, F4) for _ in range(5))
-
-    def even_out(self, variance, arena):
-        """Prepare to let all nodes see through kernels of the same variance, px^2."""
-        step_x = 2 // self.columns_per_node
-        squares = np.array([[[step_x ** 2]], [[2 ** 2]]])
-        gain = np.nan_to_num(0.5 * (variance - self.kernel_variance) / squares)
-        gain = np.clip(gain, -MOST_GAIN, MOST_GAIN)
-        if np.abs(gain).max() < LEAST_GAIN:
-            return
-        self.widening = arena.zeros((2, *self.u.shape), F4)
-        inner = framed_area(*gain.shape[1:], first_column(step_x))
-        for plane, found in zip(self.widening, gain):
-            plane[inner] = found
-        # second differences need neighbors, and outside the raw image there is no color
-        inside = (self.index[0] >= 0).astype(np.uint8)
-        surrounded = cv2.erode(inside, np.ones((3, 3), np.uint8), borderValue=0)
-        self.widening[:, surrounded == 0] = 0
-
-    def load(self, image, color):
-        """
-        Take an image, uint8 (H, W, 3).
-
-        Returns
-        -------
-        dark, mean : numpy.ndarray, float32, shape (3,)
-            Dark level of each channel and mean above it, DN.
-
-        """
-        cv2.cvtColor(image, cv2.COLOR_RGB2RGBA, dst=self.pixels)  # four bytes are one number
-        step = min(16, max(1, min(image.shape[:2]) // 32))
-        dark, mean = np.empty((2, 3), F4)
-        kernels.channel_levels(self.pixels, step, F4(color.dark_level), DARKEST, dark, mean)
-        return dark, mean
-
-    def fill(self, dark, gain, color, blur):
-        """
-        Rectify the image into chromaticity, brightness and variance.
-
-        dark: as `load` returns it; gain: float32 (3,) of the channels. blur is the radius, in
-        nodes, over which the colors of slow patterns are averaged.
-
-        """
-        kernels.box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
-        kernels.sample_colors(self.box.reshape(-1), *self.index, np.uint32(self.box.shape[1]),
-                              dark, gain, SOFT, F4(color.saturation_level - 1), NOISE,
-                              self.widening, self.ring, self.u, self.v, self.s, self.peak,
-                              self.variance)
-        if blur:
-            size = (1 + 2 * blur * self.columns_per_node, 1 + 2 * blur)
-            for plane in (self.u, self.v):
-                plane[:] = cv2.blur(plane, size)
-            # the noise of neighbors is correlated: averaging helps half as much as counting says
-            informed = self.variance < kernels.FLAT
-            self.variance[informed] *= F4(2.0 / (1 + 2 * blur) ** 2)
-            self.add_print()
-
-    def add_print(self):
-        """
-        Let print show in the first chromaticity, beside colors that change slowly.
-
-        Its edges are steep, and both cameras see them alike. Shading is not, and noise does not
-        exceed LEAST_PRINT where there is light.
-
-        """
-        level = np.log(self.s + PRINT_KNEE)
-        level -= cv2.blur(level, (1 + 2 * PRINT_RADIUS * self.columns_per_node,
-                                  1 + 2 * PRINT_RADIUS))
-        excess = np.maximum(np.abs(level) - LEAST_PRINT, F4(0))
-        self.u += PRINT_GAIN * np.copysign(excess, level)
 
 
 def correlation(blur):
@@ -497,7 +407,7 @@ def correlation(blur):
     window, whose noise is white before it is averaged; 1 without averages.
 
     """
-    box, window = 2 * blur + 1, 2 * kernels.WIDE_RADIUS + 1
+    box, window = 2 * blur + 1, 2 * WIDE_RADIUS + 1
     shares = np.convolve(np.ones(box), np.ones(window))
     return ((shares ** 2).sum() / (box * window)) ** 2
 
@@ -542,105 +452,12 @@ def gains_of(means):
 
 
 SAME_BALANCE = 0.12  # of logarithms: cameras of one type under an aperiodic pattern
-DARKEST = 24  # DN: an estimated dark level above this is light
-PRINT_KNEE = F4(24.0)  # DN added to the brightness before its logarithm
-PRINT_RADIUS = 4  # nodes around, than which print is brighter or darker by
-LEAST_PRINT = F4(0.2)  # or more; what exceeds that counts as chromaticity
-PRINT_GAIN = F4(0.6)  # times so much, under slow patterns
-
-
-def half_grid_index(camera, rows, columns, step_x, shape, places):
-    """
-    Return where the nodes of a half grid lie in the raw image.
-
-    Parameters
-    ----------
-    camera : CameraModel
-    rows, columns : int
-        Nodes; node (j, i) has its center at column step_x i + 0.5, row 2 j + 0.5.
-    step_x : int
-        Columns per node, 2 or 1.
-    shape : (int, int)
-        Of the framed arrays.
-    places : (numpy.ndarray, numpy.ndarray) or None
-        Columns and rows of the nodes in the raw image, px; None where it arrives rectified.
-
-    Returns
-    -------
-    index : numpy.ndarray, int32, framed
-        Upper left neighbor in the flat box sums; -1 = outside.
-    frac_x, frac_y : numpy.ndarray, float32, framed
-        Position between the neighbors, 0..1.
-
-    """
-    if places is None:
-        x, y = np.meshgrid(np.arange(columns, dtype=F4) * step_x, np.arange(rows, dtype=F4) * 2)
-        inside = np.ones(x.shape, bool)
-    else:
-        x, y = places
-        inside = inside_image(x, y, camera.width, camera.height)
-        # box sums have their centers half a pixel right of and below their index
-        x, y = x - F4(0.5), y - F4(0.5)
-    x, y = np.clip(x, 0, camera.width - 2), np.clip(y, 0, camera.height - 2)
-    left, top = x.astype(np.int32), y.astype(np.int32)
-    area = framed_area(rows, columns, first_column(step_x))
-    index = np.full(shape, -1, np.int32)
-    frac_x, frac_y = np.zeros((2, *shape), F4)
-    index[area] = np.where(inside, top * camera.width + left, -1)
-    frac_x[area], frac_y[area] = x - left, y - top
-    return index, frac_x, frac_y
-
-
-def kernel_variance(camera, rows, columns, step_x, places):
-    """
-    Return the variance of the kernel through which each node sees the scene.
-
-    Pixels, demosaicing, sums of 2 x 2 pixels and linear interpolation average over raw pixels,
-    whose size in rectified ones changes over the image where cameras converge. Two nodes match
-    only as well as their kernels. See `half_grid_index` for the arguments.
-
-    Returns
-    -------
-    variance : numpy.ndarray, float64, shape (2, rows, columns)
-        Along rows and along columns of the rectified image, px^2; NaN outside the raw image.
-
-    """
-    if places is None:
-        return np.full((2, rows, columns), PIXEL_VARIANCE)
-    x, y = (each.astype(np.float64) for each in places)
-    inside = inside_image(x, y, camera.width, camera.height)
-    raw_x, raw_y = (PIXEL_VARIANCE + (each - 0.5) % 1 * (1 - (each - 0.5) % 1) for each in (x, y))
-    (x_y, x_x), (y_y, y_x) = np.gradient(x, 2, step_x), np.gradient(y, 2, step_x)
-    area = np.where(inside, x_x * y_y - x_y * y_x, np.nan)
-    # where the polynomial of a lens turns back there is no lens any more
-    area[~(area > FOLD * np.median(area[inside]) if inside.any() else inside)] = np.nan
-    return np.stack([(y_y / area) ** 2 * raw_x + (x_y / area) ** 2 * raw_y,
-                     (y_x / area) ** 2 * raw_x + (x_x / area) ** 2 * raw_y])
-
-
-def first_column(step_x):
-    """Return the first column of the nodes: the right view, one column a node, has no frame."""
-    return kernels.PAD if step_x == 2 else 0
-
-
-def framed_area(rows, columns, first):
-    """Return where the nodes lie in a framed array, a pair of slices."""
-    return np.s_[kernels.PAD:kernels.PAD + rows, first:first + columns]
-
-
-def half_grid_camera(camera, rows, columns, step_x):
-    """Return the camera whose pixels are the nodes of a half grid."""
-    projection = camera.P[:, :3].copy()
-    projection[:2, 2] -= 0.5
-    return SimpleNamespace(
-        K=camera.K, D=camera.D, R=camera.R, P=np.diag([1.0 / step_x, 0.5, 1.0]) @ projection,
-        width=columns, height=rows, distortion_model=camera.distortion_model)
 
 
 def tiles_of(shape):
     """Return the first row and column of every tile of a framed half grid, int32 (N, 2)."""
-    rows = np.arange(kernels.PAD, shape[0] - kernels.PAD, kernels.TILE_ROWS)
-    columns = np.arange(kernels.PAD, shape[1] - kernels.PAD, kernels.TILE_COLUMNS)
+    rows = np.arange(PAD, shape[0] - PAD, TILE_ROWS)
+    columns = np.arange(PAD, shape[1] - PAD, TILE_COLUMNS)
     return np.stack(np.meshgrid(rows, columns, indexing='ij'), axis=-1).reshape(-1, 2).astype(
         np.int32)
 

@@ -30,11 +30,11 @@ def some_calibration():
 
 def is_cold():
     """Return whether the kernels of this process are compiled and not loaded."""
-    from . import _surface_kernels as kernels
+    from ._color_kernels import box_sums
     from .pipeline import KERNELS
     with KERNELS:
-        kernels.box_sums(np.zeros((2, 2), np.uint32), np.empty((2, 2), np.uint32))
-    return sum(kernels.box_sums.stats.cache_misses.values()) > 0
+        box_sums(np.zeros((2, 2), np.uint32), np.empty((2, 2), np.uint32))
+    return sum(box_sums.stats.cache_misses.values()) > 0
 
 
 def start_helper():

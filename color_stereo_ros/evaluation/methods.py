@@ -6,7 +6,7 @@ import time
 
 from ..core import ColorStereo, MatchingSettings, RangeResult, RectifiedPair, Settings
 from ..core import SettingsError
-from ..core._surface_kernels import WIDE_RADIUS
+from ..core._plane_kernels import WIDE_RADIUS
 from ..core.rectification import Rectifier
 from ..core.settings import suggestion
 from . import opencv_matchers

@@ -62,7 +62,7 @@ def gathered(stereo, rendering):
     Returns
     -------
     evidence : numpy.ndarray, float64, shape (N, 22)
-        All products of one and the evidence of `_surface_kernels.judge`; hidden.
+        All products of one and the evidence of `_trust_kernels.judge`; hidden.
     right : numpy.ndarray, bool, shape (N,)
         Within 1 px of the truth, at a node that both cameras see and the projector lights.
     alone : numpy.ndarray, bool, shape (N,)
@@ -73,18 +73,19 @@ def gathered(stereo, rendering):
     """
     import numpy as np
 
-    from ..core import _surface_kernels as kernels
+    from ..core._grid_kernels import PAD
+    from ..core._trust_kernels import ISLAND
     stereo.process(rendering.left_rgb, rendering.right_rgb)
     method = stereo._method
     rows, columns = method.nodes
-    area = np.s_[kernels.PAD:kernels.PAD + rows, kernels.PAD:kernels.PAD + columns]
+    area = np.s_[PAD:PAD + rows, PAD:PAD + columns]
     at_nodes = np.s_[:2 * rows:2, :2 * columns:2]
     d, a, b = (plane[area] for plane in method.planes)
     # the truth is that of the node's upper left pixel
     error = np.abs(d - 0.25 * (a + b) - rendering.truth.disparity[at_nodes])
     visible = rendering.truth.visible[at_nodes]
     alone = rendering.truth.seen_by_left_only[at_nodes]
-    judged = ((visible | alone) & (method.trust[area] > kernels.ISLAND)
+    judged = ((visible | alone) & (method.trust[area] > ISLAND)
               & (method.left.s[area] > DARKEST)
               & (d >= method.limits[0] - 0.5) & (d <= method.limits[1] + 0.5))
     evidence = np.concatenate([products(method.evidence[:, judged].T),

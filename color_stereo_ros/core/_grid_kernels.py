@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The half grid: what all kernels of the surface method share.
+
+Words used there. The *half grid* has one node per 2 x 2 rectified pixels, at their center; the
+right image keeps all its columns on half the rows, so that a disparity is sampled finely. u, v are
+the two chromaticity coordinates, s the brightness they were divided by. A plane d + a i + b j
+gives the disparity (full pixels) i nodes to the right and j nodes below a node. NaN = unknown;
+therefore never fastmath=True.
+
+All half-grid arrays of the left image (and the rows of the right one) carry a frame of PAD
+unknown nodes and are rounded up to whole tiles of TILE_ROWS x TILE_COLUMNS nodes, so that no
+kernel needs to ask where the image ends. A tile is *smooth* where one surface fills it and its
+surroundings; there windows need no gate, and sums over them are separable.
+
+Kernels get bare arrays and return them; meaning lives in `surface`.
+
+"""
+
+import numpy as np
+
+from ._part_kernels import part
+
+FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
+F4 = np.float32
+I4 = np.int32
+U4 = np.uint32
+PAD = 8  # unknown nodes around a half grid: window radius + halo, or propagation step + halo
+TILE_ROWS = 8
+TILE_COLUMNS = 32
+JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
+FLAT = F4(4.0)  # a chromaticity variance, before its scale is measured, without information
+NAN = F4(np.nan)
+CEILING = F4(30)  # of a misfit that counts as evidence
+
+
+@part()
+def any_above(values, bound):
+    """Return whether any entry is larger than a bound; NaN is not."""
+    for y in range(values.shape[0]):
+        for x in range(values.shape[1]):
+            if values[y, x] > bound:
+                return True
+    return False
+
+
+@part()
+def copy_tile(d, a, b, top, left, new_d, new_a, new_b):
+    """Copy the planes of one tile."""
+    for y in range(top, top + TILE_ROWS):
+        for x in range(left, left + TILE_COLUMNS):
+            new_d[y, x] = d[y, x]
+            new_a[y, x] = a[y, x]
+            new_b[y, x] = b[y, x]
