@@ -6,7 +6,8 @@ from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core._band_kernels import band, banded, BANDS
+from color_stereo_ros.core import _color_kernels, _trust_kernels
+from color_stereo_ros.core._band_kernels import _STAMP, band, banded, BANDS
 import numba
 import numpy as np
 import pytest
@@ -86,3 +87,10 @@ def test_more_bands_than_bits_are_refused(count):
 def test_names_and_documentation_of_the_function_are_kept():
     assert mark.__name__ == 'mark'
     assert mark.__doc__.startswith('Write factor values')
+
+
+def test_no_kernel_stays_in_the_cache_when_a_file_changes_of_which_it_contains_something():
+    for kernel in (_color_kernels.channel_levels, _color_kernels.add_color_sums,
+                   _trust_kernels.brightness_balance, _trust_kernels.remove_islands,
+                   _color_kernels.box_sums, mark):
+        assert kernel.py_func.__qualname__.endswith(_STAMP)

@@ -361,18 +361,60 @@ def test_gains_make_cameras_alike_and_channels_half_as_unequal():
     np.testing.assert_allclose(same[0] / same[1], np.sqrt(strong[0] / strong[1]), rtol=1e-6)
 
 
-def test_tiles_that_are_smooth_in_the_end_get_wide_windows():
+def test_tiles_that_are_smooth_in_the_end_get_wide_windows(monkeypatch):
+    pair = plane_pair(320, 240, 20, 0.2, brightness=20.0)
+    variances = []
+    for polishes in (True, False):
+        if not polishes:
+            monkeypatch.setattr(surface.SurfaceMethod, 'polish', lambda *_: None)
+        method = ColorStereo(rig(320, 240), surface_settings(5, 80))._method
+        method.measure(*pair, SimpleNamespace(lap=lambda stage: None))
+        variances.append(method.variance[method.inner])
+    late = variances[0] < 0.7 * variances[1]
+    assert 0.02 < late.mean() < 0.98
+    np.testing.assert_array_equal(variances[0][~late] > variances[1][~late], False)
+
+
+@pytest.mark.parametrize('rounds', [0, 4, 10])
+def test_any_number_of_rounds_is_measured(rounds):
+    pair = plane_pair(320, 240, 16, 0.1856, 0.0686, brightness=13.4)
+    result = ColorStereo(rig(320, 240), surface_settings(
+        5, 80, matching__refinements=rounds)).process(*pair)
+    assert result.density > 0.2
+
+
+def test_the_edge_of_the_image_is_no_print():
+    truth = plane(320, 240, 30.0)
+    result = ColorStereo(rig(320, 240), surface_settings(
+        5, 80, pattern__type='sweep')).process(*pair_of(truth, kind='sweep'))
+    error = (result.disparity - truth)[40:-40, -8:]
+    assert np.isfinite(error).mean() > 0.5
+    assert abs(np.nanmedian(error)) < 0.1
+
+
+def test_print_counts_under_slow_patterns_only():
+    truth = plane(WIDTH, HEIGHT, 20.0)
+    ink = np.where(np.arange(WIDTH) // 16 % 2, 0.3, 1.0)[:, None]
+    for kind, counts in (('sweep', True), ('hue_field', False)):
+        method = sensor(pattern__type=kind)._method
+        light = [photographed(shift, kind=kind) for shift in (-truth, 0 * truth)]
+        rng = np.random.default_rng(3)
+        seen = []
+        for paint in (1.0, ink):
+            images = [exposed(each * paint, rng, noise=False) for each in light]
+            method.measure(*images, SimpleNamespace(lap=lambda stage: None))
+            seen.append(method.left.u[method.inner].copy())
+        assert (np.percentile(np.abs(seen[1] - seen[0]), 90) > 0.1) == counts
+
+
+def test_colors_between_nodes_count_where_patterns_repeat():
     left, right = plane_pair(WIDTH, HEIGHT, 20)
-    method = sensor()._method
-    method.measure(left, right, SimpleNamespace(lap=lambda stage: None))
-    before = method.planes[0].copy(), method.variance.copy()
-    method.polish(method.tiles, 1)
-    changed = np.zeros(before[0].shape, bool)
-    for top, start in method.tiles[method.smooth(method.tiles, WIDE_RADIUS, surface.EVEN)]:
-        changed[top:top + TILE_ROWS, start:start + TILE_COLUMNS] = True
-    assert changed.any()
-    np.testing.assert_array_equal(method.planes[0][~changed], before[0][~changed])
-    assert (method.variance[changed] <= 1.05 * before[1][changed]).all()
+    for kind, between in (('sine', True), ('hue_field', False)):
+        method = sensor(pattern__type=kind, pattern__cycles=16)._method
+        method.measure(left, right, SimpleNamespace(lap=lambda stage: None))
+        low, high = method.coarse.upright.inner[:2], method.coarse.upright.inner[2:4]
+        assert (low <= high).all()
+        assert (low < high).any() == between
 
 
 def test_the_occlusion_test_rejects_what_only_left_sees(step):

@@ -71,6 +71,15 @@ def banded(count=BANDS, **options):
     return decorate
 
 
+def serial(**options):
+    """Return a decorator that makes a kernel of a function; options are those of `numba.njit`."""
+    def decorate(function):
+        function.__qualname__ += f'_{_STAMP}'
+        return njit(cache=True, nogil=True, error_model='numpy', **options)(function)
+
+    return decorate
+
+
 class _DisjointArrays(PartCompiler):
     """Assumes that no two arrays overlap: more loops become SIMD, as with `parallel=True`."""
 

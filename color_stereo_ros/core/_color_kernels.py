@@ -3,10 +3,9 @@
 
 import math
 
-from numba import njit
 import numpy as np
 
-from ._band_kernels import band, banded
+from ._band_kernels import band, banded, serial
 from ._grid_kernels import F4, FAST, FLAT, I4, PAD, U4
 from ._part_kernels import part
 from ._stack_kernels import LENGTH, stack_row
@@ -39,7 +38,7 @@ def box_sums(k, pixels, out):
         row[width - 1] = U4(row[width - 1] + row[width - 1])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@serial()
 def channel_levels(pixels, step, known_dark, darkest, dark, mean):
     """
     Dark level and mean above it of each channel (float32 (3,), DN) in every step-th pixel.
@@ -193,7 +192,7 @@ def widen_row(u0, u1, u2, v0, v1, v2, gain_x, gain_y, out_u, out_v):
                       + across[x] * (above_v[x] + below_v[x]))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@serial(fastmath=FAST)
 def add_color_sums(left_u, left_v, right_u, right_v, d, misfit, worst, rows, columns, step_y,
                    step_x, normal, target):
     """

@@ -13,7 +13,8 @@ unknown nodes and are rounded up to whole tiles of TILE_ROWS x TILE_COLUMNS node
 kernel needs to ask where the image ends. A tile is *smooth* where one surface fills it and its
 surroundings; there windows need no gate, and sums over them are separable.
 
-Kernels get bare arrays and return them; meaning lives in `surface`.
+Kernels get bare arrays and write into them; meaning lives in `surface`, `half_grid` and
+`coarse_search`.
 
 """
 

@@ -314,7 +314,7 @@ def fit_planes(k, weight, moment, d, a, b, tiles, reach, gate, stride, noise_wei
 
 
 @banded(fastmath=FAST)
-def find_smooth_tiles(k, d, a, b, misfit, color_variance_, tiles, halo, step, worst, smooth):
+def find_smooth_tiles(k, d, a, b, misfit, color_variance, tiles, halo, step, worst, smooth):
     """
     Mark the tiles in and around which one surface fits everywhere.
 
@@ -333,12 +333,12 @@ def find_smooth_tiles(k, d, a, b, misfit, color_variance_, tiles, halo, step, wo
         for y in range(top, top + rows):
             above = d[y - 1, left:left + columns]
             slope = b[y - 1, left:left + columns]
-            quiet_above = color_variance_[y - 1, left:left + columns]
+            quiet_above = color_variance[y - 1, left:left + columns]
             before = d[y, left - 1:left - 1 + columns]
             lean = a[y, left - 1:left - 1 + columns]
-            quiet_before = color_variance_[y, left - 1:left - 1 + columns]
+            quiet_before = color_variance[y, left - 1:left - 1 + columns]
             here = d[y, left:left + columns]
-            quiet = color_variance_[y, left:left + columns]
+            quiet = color_variance[y, left:left + columns]
             chi = misfit[y, left:left + columns]
             for x in range(columns):
                 fits_above = ((abs(here[x] - above[x] - slope[x]) < step)

@@ -3,10 +3,9 @@
 
 import math
 
-from numba import njit
 import numpy as np
 
-from ._band_kernels import band, banded, BANDS
+from ._band_kernels import band, banded, BANDS, serial
 from ._grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
 from ._part_kernels import part
 from ._stack_kernels import LENGTH, stack_row
@@ -32,7 +31,7 @@ OUT_OF_RANGE = np.uint8(Status.OUT_OF_RANGE)
 IMPLAUSIBLE = np.uint8(Status.IMPLAUSIBLE)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+@serial(fastmath=FAST)
 def brightness_balance(d, misfit, left_s, right_s, step, worst, balance, weight):
     """
     Compare the brightness of every step-th node with that of its place in the right image.
@@ -157,7 +156,7 @@ def root_of(parent, node):
     return node
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@serial()
 def remove_islands(d, a, b, trust, s, bright, rows, columns, step, least_size, run_of, first,
                    parent, size):
     """

@@ -110,9 +110,10 @@ class View:
         exceed LEAST_PRINT where there is light.
 
         """
-        level = np.log(self.s + PRINT_KNEE)
-        level -= cv2.blur(level, (1 + 2 * PRINT_RADIUS * self.columns_per_node,
-                                  1 + 2 * PRINT_RADIUS))
+        size = 1 + 2 * PRINT_RADIUS * self.columns_per_node, 1 + 2 * PRINT_RADIUS
+        inside = (self.index[0] >= 0).astype(F4)  # the edge of the image is no print
+        level = np.log(self.s + PRINT_KNEE) * inside
+        level -= inside * cv2.blur(level, size) / np.maximum(cv2.blur(inside, size), F4(1e-3))
         excess = np.maximum(np.abs(level) - LEAST_PRINT, F4(0))
         self.u += PRINT_GAIN * np.copysign(excess, level)
 

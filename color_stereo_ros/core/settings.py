@@ -150,8 +150,8 @@ class MatchingSettings(Group):
     occlusion_test: bool = setting(
         True, 'surface method: distrust places of the right image that two surfaces claim')
     min_segment: int = setting(
-        120, 'surface method: smallest area of connected ranges; smaller islands are dropped',
-        unit='px', minimum=0, maximum=1000000)
+        120, 'surface method: smallest area of connected ranges; smaller islands are dropped, dark '
+        'ones earlier', unit='px', minimum=0, maximum=1000000)
     window_width: int = setting(
         9, 'paper method: columns of the window, 2N+1', unit='px', minimum=1, maximum=63)
     window_height: int = setting(

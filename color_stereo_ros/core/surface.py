@@ -196,7 +196,7 @@ class SurfaceMethod:
             self.adapt()
         clock.lap(f'compare {turn + 1}')
         if turn > 0:
-            self.polish(rough, turn)
+            self.polish(rough)
             clock.lap(f'polish {turn + 1}')
 
     def same_cameras(self, levels):
@@ -247,13 +247,10 @@ class SurfaceMethod:
         if turn > 0:  # planes of seeds are too rough to tell how far a surface goes
             wide = self.smooth(tiles[smooth], WIDE_RADIUS, step)
             reach[smooth[wide]] = WIDE_RADIUS
-        if len(tiles) < len(self.tiles):
-            self.copy_planes()
-        self.solve_planes(tiles, reach, turn, stride, self.spare)
-        self.planes, self.spare = self.spare, self.planes
+        self.solve_planes(tiles, reach, self.gates[turn], stride)
         return tiles[reach < WIDE_RADIUS]
 
-    def polish(self, tiles, turn):
+    def polish(self, tiles):
         """
         Fit those tiles once more, in wide windows, that only this round has shown to be smooth.
 
@@ -261,16 +258,18 @@ class SurfaceMethod:
 
         """
         smooth = tiles[self.smooth(tiles, WIDE_RADIUS, EVEN)]
-        if smooth.size:  # no other node is read, so that the planes can be replaced in place
-            reach = np.full(len(smooth), WIDE_RADIUS, np.int8)
-            self.solve_planes(smooth, reach, turn, 1, self.planes)
+        if smooth.size:
+            reach = np.full(len(smooth), WIDE_RADIUS, np.int8)  # no window with a gate
+            self.solve_planes(smooth, reach, self.gates[-1], 1)
 
-    def solve_planes(self, tiles, reach, turn, stride, out):
-        """Write the planes of some tiles, see `_plane_kernels.fit_planes`, into out."""
+    def solve_planes(self, tiles, reach, gate, stride):
+        """Replace the planes of some tiles, see `_plane_kernels.fit_planes`."""
+        if len(tiles) < len(self.tiles):
+            self.copy_planes()
         ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
-        fit_planes(self.weight, self.moment, *self.planes, tiles, reach, self.gates[turn],
-                   stride, self.noise_weight, ridge, STEEPEST, self.reference, *out,
-                   self.variance)
+        fit_planes(self.weight, self.moment, *self.planes, tiles, reach, gate, stride,
+                   self.noise_weight, ridge, STEEPEST, self.reference, *self.spare, self.variance)
+        self.planes, self.spare = self.spare, self.planes
 
     def smooth(self, tiles, halo, step=CONTINUOUS):
         """Return which tiles, with so many nodes around, one surface fills, bool (N,)."""

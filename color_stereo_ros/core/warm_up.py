@@ -52,7 +52,7 @@ def start_helper():
 
 
 def main():
-    """Fit planes, then go through the stages of the surface method backwards."""
+    """Fit planes, then go through the other stages of the surface method, the last ones first."""
     from .pipeline import Stopwatch
     from .settings import Settings
     from .surface import STEPS, SurfaceMethod
