@@ -102,8 +102,8 @@ class ColorSettings(Group):
         4.0, 'smallest brightest channel above the dark level; below it a pixel counts as dark',
         unit='DN', minimum=0.0, maximum=255.0)
     equalize: bool = setting(
-        True, 'equalize the channels of the cameras before anything else; the surface method removes '
-        'half of the difference only, since more would amplify the noise of a weak channel')
+        True, 'equalize the channels of the cameras before anything else; the surface method '
+        'removes half of the difference only, since more would amplify the noise of a weak channel')
     equalize_cameras: str = setting(
         'automatic', 'separate: each camera has gains of its own; shared: two '
         'cameras of one type, the same gains for both (most precise); automatic: shared unless '
@@ -150,8 +150,8 @@ class MatchingSettings(Group):
     occlusion_test: bool = setting(
         True, 'surface method: distrust places of the right image that two surfaces claim')
     min_segment: int = setting(
-        120, 'surface method: smallest area of connected ranges; smaller islands are dropped, dark '
-        'ones earlier', unit='px', minimum=0, maximum=1000000)
+        120, 'surface method: smallest area of connected ranges; smaller islands are dropped, '
+        'dark ones earlier', unit='px', minimum=0, maximum=1000000)
     window_width: int = setting(
         9, 'paper method: columns of the window, 2N+1', unit='px', minimum=1, maximum=63)
     window_height: int = setting(
