@@ -103,7 +103,7 @@ class ColorSettings(Group):
         unit='DN', minimum=0.0, maximum=255.0)
     equalize: bool = setting(
         True, 'equalize the channels of the cameras before anything else; the surface method '
-        'removes half of the difference only, since more would amplify the noise of a weak channel')
+        'removes half of the difference, since more would amplify the noise of a weak channel')
     equalize_cameras: str = setting(
         'automatic', 'separate: each camera has gains of its own; shared: two '
         'cameras of one type, the same gains for both (most precise); automatic: shared unless '
