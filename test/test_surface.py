@@ -8,7 +8,6 @@ from color_stereo_ros.core import (
     CameraModel, ColorStereo, half_grid, Settings, Status, StereoCalibration, surface)
 from color_stereo_ros.core._arena import Arena
 from color_stereo_ros.core._grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
-from color_stereo_ros.core._plane_kernels import WIDE_RADIUS
 from color_stereo_ros.core.coarse_search import CoarseSearch
 from color_stereo_ros.core.prior import Prior
 from color_stereo_ros.core.rectification import raw_coordinates
@@ -482,32 +481,32 @@ def test_threads_may_share_one_sensor(stereo):
     assert all(same_bytes(result, alone[k % 2]) for k, result in enumerate(together))
 
 
-@pytest.mark.parametrize('kind', ['sine', 'unknown'])
-def test_repetitions_that_nothing_tells_apart_get_no_range(kind):
+def repeating_pair(disparity, ambient=0, shade=np.ones_like):
+    """Return a bare plane under colors that come again every 20 px; shade: of its columns."""
     rows, columns = np.mgrid[:240, :320]
     views = []
-    for shift in (0, 20):  # a bare plane at 20 px under a pattern that repeats every 20 px
+    for shift in (0, disparity):
         phase = 2 * np.pi * (columns + shift) / 20
-        image = 110 + 80 * np.stack([np.cos(phase - k * 2 * np.pi / 3) for k in range(3)], axis=-1)
-        views.append(np.random.default_rng(shift).normal(image, 1.5).astype(np.uint8))
+        hues = np.stack([np.cos(phase - k * 2 * np.pi / 3) for k in range(3)], axis=-1)
+        image = ambient + shade(columns + float(shift))[..., None] * (110 + 80 * hues)
+        noisy = np.random.default_rng(shift).normal(image, 1.5)
+        views.append(noisy.clip(0, 255).astype(np.uint8))
+    return views
+
+
+@pytest.mark.parametrize('kind', ['sine', 'unknown'])
+def test_repetitions_that_nothing_tells_apart_get_no_range(kind):
     settings = surface_settings(5, 75, pattern__type=kind, pattern__cycles=16)
-    result = ColorStereo(rig(320, 240), settings).process(*views)
+    result = ColorStereo(rig(320, 240), settings).process(*repeating_pair(20))
     assert result.density < 0.02
     assert np.mean(result.status == Status.AMBIGUOUS) > 0.8
 
 
 def test_shading_tells_repetitions_apart():
-    """A bare plane under the same pattern, but darker to the right: its disparity is found."""
-    rows, columns = np.mgrid[:240, :320]
-    views = []
-    for shift in (0, 26):
-        phase = 2 * np.pi * (columns + shift) / 20
-        shade = np.exp(-((columns + shift - 150) / 90.0) ** 2)
-        image = 10 + shade[..., None] * (110 + 80 * np.stack(
-            [np.cos(phase - k * 2 * np.pi / 3) for k in range(3)], axis=-1))
-        views.append(np.random.default_rng(shift).normal(image, 1.5).clip(0, 255).astype(np.uint8))
+    """A bare plane under the same pattern, but darker to the sides: its disparity is found."""
+    pair = repeating_pair(26, 10, lambda columns: np.exp(-((columns - 150) / 90) ** 2))
     settings = surface_settings(5, 75, pattern__type='sine', pattern__cycles=16)
-    disparity = ColorStereo(rig(320, 240), settings).process(*views).disparity[:, 80:240]
+    disparity = ColorStereo(rig(320, 240), settings).process(*pair).disparity[:, 80:240]
     assert np.mean(np.abs(disparity - 26) < 1) > 0.9
 
 
@@ -519,10 +518,9 @@ def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 
                         np.eye(3), np.hstack([camera * [[zoom], [zoom], [1]], np.zeros((3, 1))]))
     rows, columns = height // 2, width // step_x - 1
     shape = tuple(2 * PAD + surface.whole(count, tile)
-                  for count, tile in zip((rows, columns), (8, 32)))
+                  for count, tile in zip((rows, columns), (TILE_ROWS, TILE_COLUMNS)))
     view = half_grid.View(model, rows, columns, step_x, shape, False, Arena())
-    first = PAD if step_x == 2 else 0
-    area = np.s_[PAD:PAD + rows, first:first + columns]
+    area = half_grid.framed_area(rows, columns, half_grid.first_column(step_x))
     return view, area, raw_coordinates(
         half_grid.half_grid_camera(model, rows, columns, step_x))
 
@@ -532,7 +530,7 @@ def seen(view, image):
     color = Settings().color
     view.load(image, color)
     view.fill(np.zeros(3, np.float32), np.ones(3, np.float32), color, 0)
-    return view.u, view.index[0] >= 0
+    return view.u, view.inside
 
 
 def stripes(axis, size=(320, 240), period=7.0):

@@ -7,6 +7,7 @@ what they see it, and what color each of them has.
 
 """
 
+from functools import cached_property
 from types import SimpleNamespace
 
 import cv2
@@ -38,6 +39,7 @@ class View:
             half_grid_camera(camera, rows, columns, step_x))
         self.index = [arena.copy(each) for each in half_grid_index(
             camera, rows, columns, step_x, shape, places)]
+        self.inside = self.index[0] >= 0  # the raw image
         self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
         self.box = arena.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
@@ -60,8 +62,8 @@ class View:
         for plane, found in zip(self.widening, gain):
             plane[inner] = found
         # second differences need neighbors, and outside the raw image there is no color
-        inside = (self.index[0] >= 0).astype(np.uint8)
-        surrounded = cv2.erode(inside, np.ones((3, 3), np.uint8), borderValue=0)
+        surrounded = cv2.erode(self.inside.view(np.uint8), np.ones((3, 3), np.uint8),
+                               borderValue=0)
         self.widening[:, surrounded == 0] = 0
 
     def load(self, image, color):
@@ -110,12 +112,22 @@ class View:
         exceed LEAST_PRINT where there is light.
 
         """
-        size = 1 + 2 * PRINT_RADIUS * self.columns_per_node, 1 + 2 * PRINT_RADIUS
-        inside = (self.index[0] >= 0).astype(F4)  # the edge of the image is no print
-        level = np.log(self.s + PRINT_KNEE) * inside
-        level -= inside * cv2.blur(level, size) / np.maximum(cv2.blur(inside, size), F4(1e-3))
+        level = np.log(self.s + PRINT_KNEE)
+        level[~self.inside] = 0  # the edge of the image is no print
+        mean = self.surroundings(level) / self.inside_share
+        np.subtract(level, mean, out=level, where=self.inside)
         excess = np.maximum(np.abs(level) - LEAST_PRINT, F4(0))
         self.u += PRINT_GAIN * np.copysign(excess, level)
+
+    @cached_property
+    def inside_share(self):
+        """Share of the nodes around each one that lie inside the raw image, float32, above 0."""
+        return np.maximum(self.surroundings(self.inside.astype(F4)), F4(1e-3))
+
+    def surroundings(self, plane):
+        """Return the mean of a plane over the nodes around each one, of which print stands out."""
+        return cv2.blur(plane, (1 + 2 * PRINT_RADIUS * self.columns_per_node,
+                                1 + 2 * PRINT_RADIUS))
 
 
 def half_grid_index(camera, rows, columns, step_x, shape, places):

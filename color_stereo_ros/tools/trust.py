@@ -73,12 +73,11 @@ def gathered(stereo, rendering):
     """
     import numpy as np
 
-    from ..core._grid_kernels import PAD
     from ..core._trust_kernels import ISLAND
     stereo.process(rendering.left_rgb, rendering.right_rgb)
     method = stereo._method
     rows, columns = method.nodes
-    area = np.s_[PAD:PAD + rows, PAD:PAD + columns]
+    area = method.inner
     at_nodes = np.s_[:2 * rows:2, :2 * columns:2]
     d, a, b = (plane[area] for plane in method.planes)
     # the truth is that of the node's upper left pixel
