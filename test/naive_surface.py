@@ -242,8 +242,18 @@ def cubic(p, t):
     return through(t), through.deriv()(t)
 
 
-def linearize(left, right, matrix, d, tiles, robust, scale, reference):
+def foreshortened(left, y, x, kernel, a, b):
+    """Return the left chromaticities of a node, blurred as the right view of its plane."""
+    shown = max(1 - a / 2, 0.25)
+    variance = kernel * ((1 + (b / 2) ** 2) / shown ** 2 - 1)  # px^2
+    gain = min(variance / 4 / 2, 1 / 3)
+    u = left[:2].astype(float)
+    return u[:, y, x] + gain * (u[:, y, x - 1] - 2 * u[:, y, x] + u[:, y, x + 1])
+
+
+def linearize(left, right, kernel, matrix, planes, tiles, robust, scale, reference):
     """Return weight, moment and misfit, NaN outside the tiles; left, right are (u, v, var)."""
+    d, a, b = planes
     out = np.full((3, *d.shape), np.nan)
     for y, x in (node for tile in tiles for node in tile_nodes(tile)):
         out[:, y, x] = 0, 0, np.nan
@@ -256,7 +266,7 @@ def linearize(left, right, matrix, d, tiles, robust, scale, reference):
             continue
         (u, gu), (v, gv) = (cubic(right[c, y, i - 1:i + 3].astype(float), place - i)
                             for c in (0, 1))
-        error = left[:2, y, x] - matrix @ (u, v, 1)
+        error = foreshortened(left, y, x, kernel, a[y, x], b[y, x]) - matrix @ (u, v, 1)
         slope = matrix[:, :2] @ (gu, gv)
         steep = slope @ slope
         w = 1 / (scale * (left[2, y, x] + noise) + JITTER * steep)
@@ -341,7 +351,7 @@ def capped(chi):
     return float(chi) if chi < CEILING else CEILING
 
 
-def plane_misfit(left, right, matrix, scale, cap, planes, y, x, step_y, step_x):
+def plane_misfit(left, right, kernel, matrix, scale, cap, planes, y, x, step_y, step_x):
     """Return the truncated misfit of one node under the plane of the node a step away."""
     d, a, b = planes[:, y + step_y, x + step_x].astype(float)
     place = 2.0 * (x - PAD) - (d - a * step_x - b * step_y)
@@ -354,7 +364,7 @@ def plane_misfit(left, right, matrix, scale, cap, planes, y, x, step_y, step_x):
         return cap / 2
     slope = (there - here)[:2]
     u, v = here[:2] + slope * (place - i)
-    error = left[:2, y, x] - matrix @ (u, v, 1)
+    error = foreshortened(left, y, x, kernel, a, b) - matrix @ (u, v, 1)
     spread = scale * (left[2, y, x] + noise) + float(JITTER) * (slope @ slope)
     return min(cap, error @ error / spread)
 
@@ -364,7 +374,8 @@ def shifted_mean(misfits, y, x):
     return min(np.mean([misfits[y + j + v, x + i + u] for v, u in WINDOW]) for j, i in WINDOW)
 
 
-def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step, own_cost=None):
+def propagate(left, right, kernel, matrix, scale, cap, inertia, planes, tiles, step,
+              own_cost=None):
     """Return d, a, b and cost, NaN outside the tiles; own_cost: of the planes, if judged."""
     out = np.full((4, *planes.shape[1:]), np.nan)
     for tile in tiles:
@@ -372,8 +383,8 @@ def propagate(left, right, matrix, scale, cap, inertia, planes, tiles, step, own
             for y, x in tile_nodes(tile):
                 out[3, y, x] = cap
             continue
-        misfits = {(j, i): {(y, x): plane_misfit(left, right, matrix, scale, cap, planes, y, x,
-                                                 step * j, step * i)
+        misfits = {(j, i): {(y, x): plane_misfit(left, right, kernel, matrix, scale, cap, planes,
+                                                 y, x, step * j, step * i)
                             for y, x in tile_nodes(tile, HALO)} for j, i in CROSS}
         for y, x in tile_nodes(tile):
             costs = {side: shifted_mean(misfits[side], y, x) for side in CROSS}

@@ -43,6 +43,7 @@ WIDTH = 2 * COLUMNS
 INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
 TILES = surface.tiles_of(SHAPE)
 PRIOR = Prior.of(Settings(), WIDTH)
+KERNEL = F4(1.2)  # px^2
 MATRIX = np.array([[1.1, 0.05, 0.02], [-0.04, 0.9, -0.03]], F4)
 
 
@@ -268,10 +269,11 @@ def test_coarse_disparities_seed_planes(factor):
     assert np.isnan(out[0, :PAD]).all()
 
 
-def compiled_linearize(left, right, d, tiles):
+def compiled_linearize(left, right, shape, tiles):
     """Return weight, moment and misfit of the kernel, NaN outside the tiles."""
     out = unknown(3)
-    linearize(*left, *right, MATRIX, d, tiles, surface.ROBUST, F4(1.7), F4(3.0), *out)
+    linearize(*left, *right, KERNEL, MATRIX, *shape, tiles, surface.ROBUST, F4(1.7), F4(3.0),
+              *out)
     return out
 
 
@@ -286,7 +288,8 @@ def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
     left = view(2 * (np.arange(SHAPE[1]) - PAD) - 8 - fraction)
     d = framed(np.full((ROWS, COLUMNS), 8 + fraction), np.nan)
     weight, moment = unknown(2)
-    linearize(*left, *view(np.arange(WIDTH)), np.eye(2, 3, dtype=F4), d, TILES,
+    level = np.zeros((2, *SHAPE), F4)
+    linearize(*left, *view(np.arange(WIDTH)), KERNEL, np.eye(2, 3, dtype=F4), d, *level, TILES,
               surface.ROBUST, F4(1), F4(0), weight, moment, unknown(1)[0])
     # Catmull-Rom: 0.004 px at a quarter
     assert abs(np.nansum(moment) / np.nansum(weight) - 8 - fraction) < 0.0005
@@ -295,12 +298,38 @@ def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
 @pytest.mark.parametrize('tiles', [TILES, TILES[1:3]])
 def test_linearization_is_the_derivative_of_the_misfit(tiles):
     left, right = views(9)
-    d = planes(10)[0]
-    expected = naive.linearize(left.astype(float), right.astype(float), MATRIX.astype(float), d,
-                               tiles, float(surface.ROBUST), 1.7, 3.0)
-    found = compiled_linearize(left, right, d, tiles)
+    shape = planes(10)
+    expected = naive.linearize(left.astype(float), right.astype(float), float(KERNEL),
+                               MATRIX.astype(float), shape.astype(float), tiles,
+                               float(surface.ROBUST), 1.7, 3.0)
+    found = compiled_linearize(left, right, shape, tiles)
     assert np.count_nonzero(found[0] > 0) > 100
     np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-3)
+
+
+@pytest.mark.parametrize('slope', [-0.5, 0.3, 0.5])
+def test_a_leaning_plane_is_blurred_as_much_in_the_left_view_as_in_the_right(slope):
+    # waves of 14 px of the left image, seen through kernels of 1 px^2 each
+    kernel, phase, shown = 1.0, 2 * np.pi / 14, 1 - slope
+
+    def view(places, frequency):
+        strength = np.exp(-kernel * frequency ** 2 / 2)
+        colors = np.stack([strength * np.cos(phase * places), strength * np.sin(phase * places),
+                           1e-4 + 0 * places])
+        return np.repeat(colors[:, None], SHAPE[0], 1).astype(F4)
+
+    columns = 2.0 * (np.arange(SHAPE[1]) - PAD)
+    left = view(columns, phase)
+    right = view((np.arange(WIDTH) - 4) / shown, phase / shown)
+    shape = np.zeros((3, *SHAPE), F4)
+    shape[0], shape[1] = columns * slope - 4, 2 * slope
+    misfit = []
+    for variance in (0, kernel):
+        out = unknown(3)
+        linearize(*left, *right, F4(variance), np.eye(2, 3, dtype=F4), *shape, TILES,
+                  surface.ROBUST, F4(1), F4(0), *out)
+        misfit.append(np.nanmean(out[2]))
+    assert misfit[1] < 0.2 * misfit[0]
 
 
 def test_one_step_from_the_linearization_recovers_a_disparity():
@@ -312,10 +341,11 @@ def test_one_step_from_the_linearization_recovers_a_disparity():
     for channel, wave in enumerate((np.sin, np.cos)):
         right[channel] = wave(phase + 0.3 * np.arange(WIDTH))
         left[channel] = wave(phase + 0.3 * place)
-    d = np.full(SHAPE, 7.0, F4)
+    shape = np.zeros((3, *SHAPE), F4)
+    shape[0] = 7.0
     weight, moment, _ = unknown(3)
-    linearize(*left, *right, np.eye(2, 3, dtype=F4), d, TILES, surface.ROBUST, F4(1),
-              F4(3), weight, moment, unknown(1)[0])
+    linearize(*left, *right, KERNEL, np.eye(2, 3, dtype=F4), *shape, TILES, surface.ROBUST,
+              F4(1), F4(3), weight, moment, unknown(1)[0])
     inside = weight > 0
     np.testing.assert_allclose(3 + moment[inside] / weight[inside], 7.3, atol=0.02)
 
@@ -324,7 +354,7 @@ def fit_inputs(seed):
     """Return weight, moment and planes as a linearization leaves them."""
     left, right = views(seed)
     shape = planes(seed + 1)
-    weight, moment, _ = compiled_linearize(left, right, shape[0], TILES)
+    weight, moment, _ = compiled_linearize(left, right, shape, TILES)
     weight[np.isnan(weight)], moment[np.isnan(moment)] = 0, 0  # the frame
     return weight, moment, shape
 
@@ -391,10 +421,11 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
     out = unknown(4)
     out[3] = np.random.default_rng(23).uniform(5, 30, SHAPE)
     own_cost = out[3].copy() if judged else None
-    propagate(*left, *right, MATRIX, F4(1.3), surface.TRUNCATION, F4(0.5), *shape,
+    propagate(*left, *right, KERNEL, MATRIX, F4(1.3), surface.TRUNCATION, F4(0.5), *shape,
               tiles, step, judged, *out)
-    expected = naive.propagate(left.astype(float), right.astype(float), MATRIX.astype(float), 1.3,
-                               float(surface.TRUNCATION), 0.5, shape, tiles, step, own_cost)
+    expected = naive.propagate(left.astype(float), right.astype(float), float(KERNEL),
+                               MATRIX.astype(float), 1.3, float(surface.TRUNCATION), 0.5, shape,
+                               tiles, step, own_cost)
     inside = np.isfinite(expected[3])
     out[3][~inside] = np.nan
     np.testing.assert_allclose(out[3], expected[3], rtol=1e-3, atol=1e-3)
@@ -405,7 +436,7 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
 def test_tiles_far_from_any_plane_stay_unknown():
     left, right = views(22)
     out = np.zeros((4, *SHAPE), F4)
-    propagate(*left, *right, MATRIX, F4(1), surface.TRUNCATION, F4(0.5),
+    propagate(*left, *right, KERNEL, MATRIX, F4(1), surface.TRUNCATION, F4(0.5),
               *unknown(3), TILES, 2, False, *out)
     assert np.isnan(out[0][INNER]).all()
     assert (out[3][INNER] == surface.TRUNCATION).all()

@@ -32,6 +32,8 @@ TILE_COLUMNS = 32
 JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
 FLAT = F4(4.0)  # a chromaticity variance, before its scale is measured, without information
 NAN = F4(np.nan)
+MOST_WIDENING = F4(1 / 3)  # gain of second differences that makes three nodes a mean
+STEEPEST_FACE = F4(0.25)  # px of the right image that 1 px of the left shows: less is an edge
 CEILING = F4(30)  # of a misfit that counts as evidence
 
 
@@ -43,6 +45,23 @@ def any_above(values, bound):
             if values[y, x] > bound:
                 return True
     return False
+
+
+@part(fastmath=FAST)
+def foreshortening(a, b, kernel):
+    """
+    Return by what gain of second differences the left view of a plane gets the blur of the right.
+
+    Both cameras see through kernels of variance `kernel`, px^2, but foreshorten a plane
+    differently: 1 px of the left image shows what 1 - a' px of the right one show, a' = a / 2 and
+    b' = b / 2 being the slopes in px per px. Carried along the plane to the left image, the
+    variance of the right kernel along rows is (1 + b'^2) / (1 - a')^2 times as large. A gain g
+    adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens.
+
+    """
+    face = max(F4(1) - F4(0.5) * a, STEEPEST_FACE)
+    excess = (F4(1) + F4(0.25) * b * b) / (face * face) - F4(1)
+    return min(F4(0.125) * kernel * excess, MOST_WIDENING)
 
 
 @part()

@@ -5,31 +5,34 @@ import numpy as np
 
 from ._band_kernels import band, banded
 from ._grid_kernels import (
-    any_above, copy_tile, F4, FAST, FLAT, JITTER, NAN, PAD, TILE_COLUMNS, TILE_ROWS)
+    any_above, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN, PAD,
+    TILE_COLUMNS, TILE_ROWS)
 from ._part_kernels import part
 from ._stack_kernels import stack_array, stack_row
 
 HALO = 2  # of a cost patch: 3 x 3 mean, then the best of 3 x 3 shifted windows
 PATCH_ROWS = TILE_ROWS + 2 * HALO
-PATCH_COLUMNS = TILE_COLUMNS + 2 * HALO
+MARGIN = 4  # columns of a patch beside its tile: HALO, and a whole number of vectors in all
+PATCH_COLUMNS = TILE_COLUMNS + 2 * MARGIN
 stack_tile = stack_array(F4, TILE_ROWS, TILE_COLUMNS)
 stack_patch = stack_array(F4, PATCH_ROWS, PATCH_COLUMNS)
 
 
 @part(fastmath=FAST)
-def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap, d, a,
-                 b, top, left, step_y, step_x, out):
+def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, matrix, scale, cap,
+                 d, a, b, top, left, step_y, step_x, out):
     """
     Truncated misfit of one tile and its halo under the planes of nodes (step_y, step_x) away.
 
-    `cap` where the plane is unknown or leads outside the right image; half of it where the
-    right image is too dark to speak for or against.
+    The left view is blurred as the plane demands, see `foreshortening`. `cap` where the plane is
+    unknown or leads outside the right image; half of it where the right image is too dark to
+    speak for or against.
 
     """
     width = right_u.shape[1]
     m00, m01, m02 = matrix[0, 0], matrix[0, 1], matrix[0, 2]
     m10, m11, m12 = matrix[1, 0], matrix[1, 1], matrix[1, 2]
-    start = left - HALO
+    start = left - MARGIN
     stop = start + PATCH_COLUMNS
     lean_x, lean_y = F4(step_x), F4(step_y)
     misfits = stack_row()
@@ -38,8 +41,8 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
         dd = d[y + step_y, start + step_x:stop + step_x]
         aa = a[y + step_y, start + step_x:stop + step_x]
         bb = b[y + step_y, start + step_x:stop + step_x]
-        lu = left_u[y, start:stop]
-        lv = left_v[y, start:stop]
+        lu = left_u[y, start - 1:stop + 1]
+        lv = left_v[y, start - 1:stop + 1]
         lvar = left_var[y, start:stop]
         ru, rv, rvar = right_u[y], right_v[y], right_var[y]
         row = out[py]
@@ -54,8 +57,12 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
             u = ru[i0] + slope_u * t
             v = rv[i0] + slope_v * t
             noise = max(rvar[i0], rvar[i1])
-            error_u = lu[x] - (m00 * u + m01 * v + m02)
-            error_v = lv[x] - (m10 * u + m11 * v + m12)
+            gain = foreshortening(aa[x], bb[x], kernel)
+            own = F4(1) - F4(2) * gain
+            own_u = own * lu[x + 1] + gain * (lu[x] + lu[x + 2])
+            own_v = own * lv[x + 1] + gain * (lv[x] + lv[x + 2])
+            error_u = own_u - (m00 * u + m01 * v + m02)
+            error_v = own_v - (m10 * u + m11 * v + m12)
             spread = (scale * (lvar[x] + noise)
                       + JITTER * (slope_u * slope_u + slope_v * slope_v))
             chi = (error_u * error_u + error_v * error_v) / spread
@@ -78,20 +85,21 @@ def best_shifted_mean(misfit, mean, cost):
     for y in range(1, PATCH_ROWS - 1):
         above, here, below = misfit[y - 1], misfit[y], misfit[y + 1]
         row = mean[y]
-        for x in range(1, PATCH_COLUMNS - 1):
+        for x in range(MARGIN - 1, PATCH_COLUMNS - MARGIN + 1):
             row[x] = ninth * (above[x - 1] + above[x] + above[x + 1] + here[x - 1] + here[x]
                               + here[x + 1] + below[x - 1] + below[x] + below[x + 1])
     for y in range(TILE_ROWS):
         above, here, below = mean[y + 1], mean[y + 2], mean[y + 3]
         row = cost[y]
         for x in range(TILE_COLUMNS):
-            low = min(min(above[x + 1], above[x + 2]), above[x + 3])
-            low = min(low, min(min(here[x + 1], here[x + 2]), here[x + 3]))
-            row[x] = min(low, min(min(below[x + 1], below[x + 2]), below[x + 3]))
+            at = x + MARGIN
+            low = min(min(above[at - 1], above[at]), above[at + 1])
+            low = min(low, min(min(here[at - 1], here[at]), here[at + 1]))
+            row[x] = min(low, min(min(below[at - 1], below[at]), below[at + 1]))
 
 
 @banded()
-def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale, cap,
+def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, matrix, scale, cap,
               inertia, d, a, b, tiles, step, judged, new_d, new_a, new_b, cost):
     """
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
@@ -120,8 +128,8 @@ def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
                     for x in range(TILE_COLUMNS):
                         best[y, x] = cost[top + y, left + x]
             else:
-                patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, matrix, scale,
-                             cap, d, a, b, top, left, step_y, step_x, misfit)
+                patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, matrix,
+                             scale, cap, d, a, b, top, left, step_y, step_x, misfit)
                 best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
             take_better(trial, inertia, d, a, b, top, left, step_y, step_x, candidate == 0,
                         best, new_d, new_a, new_b, cost)

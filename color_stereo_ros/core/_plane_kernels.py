@@ -5,7 +5,8 @@ import numpy as np
 
 from ._band_kernels import band, banded
 from ._grid_kernels import (
-    any_above, CEILING, copy_tile, F4, FAST, FLAT, JITTER, NAN, PAD, TILE_COLUMNS, TILE_ROWS)
+    any_above, CEILING, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN,
+    PAD, TILE_COLUMNS, TILE_ROWS)
 from ._part_kernels import part
 from ._stack_kernels import stack_array, stack_row
 
@@ -15,8 +16,8 @@ LEAST_WEIGHT = F4(1e-2)  # px^-2 of a window: less is rounding
 
 
 @banded(fastmath=FAST)
-def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, tiles, robust,
-              scale, reference, weight, moment, misfit):
+def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, matrix, d, a, b,
+              tiles, robust, scale, reference, weight, moment, misfit):
     """
     Compare every node of some tiles with the place its disparity points to, and linearize there.
 
@@ -24,8 +25,9 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     d_true). Writes weight = w g.g, moment = weight (d - reference) - w g.e and misfit = w e.e,
     where w = 1 / (scale (var_L + var_R)) and, in weight and moment, is multiplied by Cauchy's
     1 / (1 + misfit / robust). Interpolated by cubics through four columns: what is linear
-    pulls towards whole pixels, and Catmull-Rom does so by .006 px. matrix (2, 3) maps right
-    chromaticities to left ones. Unknown d, no information, or a place outside the right image:
+    pulls towards whole pixels, and Catmull-Rom does so by .006 px. The left view of a node is
+    blurred as its plane demands, see `foreshortening`. matrix (2, 3) maps right chromaticities to
+    left ones. Unknown d, no information, or a place outside the right image:
     weight = moment = 0, misfit NaN.
 
     """
@@ -39,10 +41,12 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
         top, left = tiles[tile, 0], tiles[tile, 1]
         for y in range(top, top + TILE_ROWS):
             ru, rv, rvar = right_u[y], right_v[y], right_var[y]
-            lu = left_u[y, left:left + TILE_COLUMNS]
-            lv = left_v[y, left:left + TILE_COLUMNS]
+            lu = left_u[y, left - 1:left + TILE_COLUMNS + 1]
+            lv = left_v[y, left - 1:left + TILE_COLUMNS + 1]
             lvar = left_var[y, left:left + TILE_COLUMNS]
             dd = d[y, left:left + TILE_COLUMNS]
+            aa = a[y, left:left + TILE_COLUMNS]
+            bb = b[y, left:left + TILE_COLUMNS]
             out_weight = weight[y, left:left + TILE_COLUMNS]
             out_moment = moment[y, left:left + TILE_COLUMNS]
             out_misfit = misfit[y, left:left + TILE_COLUMNS]
@@ -68,8 +72,12 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
                 v = w0 * v0 + w1 * v1 + w2 * v2 + w3 * v3
                 gu = g0 * u0 + g1 * u1 + g2 * u2 + g3 * u3
                 gv = g0 * v0 + g1 * v1 + g2 * v2 + g3 * v3
-                error_u = lu[x] - (m00 * u + m01 * v + m02)
-                error_v = lv[x] - (m10 * u + m11 * v + m12)
+                gain = foreshortening(aa[x], bb[x], kernel)
+                own = one - two * gain
+                own_u = own * lu[x + 1] + gain * (lu[x] + lu[x + 2])
+                own_v = own * lv[x + 1] + gain * (lv[x] + lv[x + 2])
+                error_u = own_u - (m00 * u + m01 * v + m02)
+                error_v = own_v - (m10 * u + m11 * v + m12)
                 slope_u = m00 * gu + m01 * gv
                 slope_v = m10 * gu + m11 * gv
                 noise = max(rvar[i1], rvar[i2])
@@ -102,8 +110,9 @@ def smooth_sums(weight, moment, top, left, radius, sums):
     `gated_sums`. From row to row the sums over rows lose one row, move, and gain one.
 
     """
-    wide = TILE_COLUMNS + 2 * radius
-    start, stop = left - radius, left + TILE_COLUMNS + radius
+    margin = 4 * ((radius + 3) // 4)  # a whole number of vectors: no loop has a rest
+    wide, shift = TILE_COLUMNS + 2 * margin, margin - radius
+    start, stop = left - margin, left + TILE_COLUMNS + margin
     reach = F4(radius)
     w0, w1, w2, z0, z1 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
     m0, m1, m2, m3, m4 = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
@@ -143,26 +152,26 @@ def smooth_sums(weight, moment, top, left, radius, sums):
             s0, s1, s3 = F4(0), F4(0), F4(0)
             for i in range(2 * radius + 1):
                 step = F4(i - radius)
-                s0 += w0[x + i]
-                s1 += w0[x + i] * step
-                s3 += w0[x + i] * (step * step)
+                s0 += w0[x + i + shift]
+                s1 += w0[x + i + shift] * step
+                s3 += w0[x + i + shift] * (step * step)
             m0[x], m1[x], m3[x] = s0, s1, s3
         for x in range(TILE_COLUMNS):
             s2, s4, s5, number = F4(0), F4(0), F4(0), F4(0)
             for i in range(2 * radius + 1):
                 step = F4(i - radius)
-                s2 += w1[x + i]
-                s4 += w1[x + i] * step
-                s5 += w2[x + i]
-                number += count[x + i]
+                s2 += w1[x + i + shift]
+                s4 += w1[x + i + shift] * step
+                s5 += w2[x + i + shift]
+                number += count[x + i + shift]
             m2[x], m4[x], m5[x], m9[x] = s2, s4, s5, number
         for x in range(TILE_COLUMNS):
             t0, t1, t2 = F4(0), F4(0), F4(0)
             for i in range(2 * radius + 1):
                 step = F4(i - radius)
-                t0 += z0[x + i]
-                t1 += z0[x + i] * step
-                t2 += z1[x + i]
+                t0 += z0[x + i + shift]
+                t1 += z0[x + i + shift] * step
+                t2 += z1[x + i + shift]
             m6[x], m7[x], m8[x] = t0, t1, t2
         copy_sums((m0, m1, m2, m3, m4, m5, m6, m7, m8, m9), sums[y])
 

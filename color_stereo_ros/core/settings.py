@@ -143,6 +143,8 @@ class MatchingSettings(Group):
         minimum=0, maximum=10)
     slanted: bool = setting(
         True, 'surface method: let the least-squares window lean with the surface')
+    foreshortening: bool = setting(
+        True, 'surface method: blur the left view of a leaning surface as the right one is')
     propagation: bool = setting(
         True, 'surface method: let nodes near depth edges try the planes of their neighbors')
     color_matching: bool = setting(

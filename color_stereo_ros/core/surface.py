@@ -107,8 +107,10 @@ class SurfaceMethod:
         views = self.left, self.right
         known = np.concatenate([view.kernel_variance[np.isfinite(view.kernel_variance)]
                                 for view in views])
+        variance = np.median(known) if known.size else 0.0
         for view in views:
-            view.even_out(np.median(known) if known.size else 0.0, arena)
+            view.even_out(variance, arena)
+        self.kernel = F4(variance if settings.matching.foreshortening else 0.0)
         prior = Prior.of(settings, width)
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
@@ -229,8 +231,8 @@ class SurfaceMethod:
     def linearize(self, tiles):
         """Compare the nodes of some tiles with the places that their disparities point to."""
         left, right = self.left, self.right
-        linearize(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                  self.matrix, self.planes[0], tiles, ROBUST, self.scale, self.reference,
+        linearize(left.u, left.v, left.variance, right.u, right.v, right.variance, self.kernel,
+                  self.matrix, *self.planes, tiles, ROBUST, self.scale, self.reference,
                   self.weight, self.moment, self.misfit)
 
     def fit_planes(self, tiles, turn, stride):
@@ -291,8 +293,8 @@ class SurfaceMethod:
         for turn, step in enumerate(steps):
             # the planes of the first call cost what it found
             propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                      self.matrix, self.scale, TRUNCATION, self.inertia, *self.planes,
-                      tiles, step, turn > 0, *self.spare, self.cost)
+                      self.kernel, self.matrix, self.scale, TRUNCATION, self.inertia,
+                      *self.planes, tiles, step, turn > 0, *self.spare, self.cost)
             self.planes, self.spare = self.spare, self.planes
         return tiles
 
