@@ -14,7 +14,7 @@ from color_stereo_ros.core._coarse_kernels import AGREEMENT, REPETITION
 from color_stereo_ros.core._grid_kernels import JITTER, PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core._neighbor_kernels import HALO
 from color_stereo_ros.core._pixel_kernels import bounded, OWN_SHARE
-from color_stereo_ros.core._plane_kernels import LEAST_WEIGHT, RADIUS
+from color_stereo_ros.core._plane_kernels import LEAST_WEIGHT, RADIUS, SPAN
 from color_stereo_ros.core._trust_kernels import (
     BENT, CORRELATED, HOPELESS, ISLAND, MOST_ODDS, MURK, PITCH_DARK, UNKNOWN, WHOLE)
 from color_stereo_ros.core.types import Status
@@ -337,9 +337,12 @@ def find_smooth_tiles(planes, misfit, variance, tiles, halo, step, worst):
     smooth = []
     for tile in tiles:
         speaking = [node for node in tile_nodes(tile, halo) if variance[node] < FLAT]
+        inside = set(speaking)
         unbroken = all(
-            (variance[y - 1, x] >= FLAT or abs(d[y, x] - d[y - 1, x] - b[y - 1, x]) < step)
-            and (variance[y, x - 1] >= FLAT or abs(d[y, x] - d[y, x - 1] - a[y, x - 1]) < step)
+            ((y - SPAN, x) not in inside
+             or abs(d[y, x] - d[y - SPAN, x] - SPAN * b[y - SPAN, x]) < step)
+            and ((y, x - SPAN) not in inside
+                 or abs(d[y, x] - d[y, x - SPAN] - SPAN * a[y, x - SPAN]) < step)
             for y, x in speaking)
         total = sum(capped(misfit[node]) for node in speaking)
         smooth.append(unbroken and total <= worst * len(speaking))

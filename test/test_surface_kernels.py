@@ -388,7 +388,8 @@ def test_tiles_without_information_keep_their_planes():
 
 
 @pytest.mark.parametrize('seed, change', [
-    (14, 'nothing'), (15, 'jump'), (16, 'hole'), (17, 'misfit'), (18, 'dark'), (19, 'dark jump')])
+    (14, 'nothing'), (15, 'jump'), (16, 'hole'), (17, 'misfit'), (18, 'dark'), (19, 'dark jump'),
+    (20, 'round crease')])
 def test_smooth_tiles_hold_one_surface(seed, change):
     row, column = np.mgrid[:SHAPE[0], :SHAPE[1]]
     shape = np.stack([0.1 * row - 0.2 * column, np.full(SHAPE, -0.2),
@@ -400,6 +401,9 @@ def test_smooth_tiles_hold_one_surface(seed, change):
         shape[0][where] += 5
     if change == 'hole':
         shape[0][where] = np.nan
+    if change == 'round crease':  # of .8 px per px, rounded over 8 nodes: neighbors are even
+        shape[1] = -0.8 + np.clip(0.2 * (column - PAD - 12), 0, 1.6)
+        shape[0] = 0.1 * row + np.cumsum(shape[1], axis=1)
     if change == 'misfit':
         misfit[PAD:PAD + 8] = np.nan
     if 'dark' in change:

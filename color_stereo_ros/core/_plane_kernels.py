@@ -12,6 +12,7 @@ from ._stack_kernels import stack_array, stack_row
 
 RADIUS = 4  # of the least-squares window, nodes
 WIDE_RADIUS = 7  # likewise where one surface fills a tile and as much around it
+SPAN = 4  # nodes, over which a surface must be even to be fitted without a gate
 LEAST_WEIGHT = F4(1e-2)  # px^-2 of a window: less is rounding
 
 
@@ -327,38 +328,40 @@ def find_smooth_tiles(k, d, a, b, misfit, color_variance, tiles, halo, step, wor
     """
     Mark the tiles in and around which one surface fits everywhere.
 
-    No unknown node, no step larger than `step` px between a node and the plane of its left and
-    upper neighbors (`halo` nodes around the tile included), and a mean misfit below `worst`.
-    Nodes whose color says nothing do not count.
+    No unknown node, no node more than `step` px off the plane of the one SPAN nodes to its left or
+    above it (`halo` nodes around the tile included), and a mean misfit below `worst`. Neighbors
+    would not tell a crease, which windows have rounded. Nodes whose color says nothing do not
+    count.
 
     """
     rows, columns = TILE_ROWS + 2 * halo, TILE_COLUMNS + 2 * halo
     first, last = band(k, tiles.shape[0])
     for tile in range(first, last):
         top, left = tiles[tile, 0] - halo, tiles[tile, 1] - halo
+        stop = left + columns
         broken = 0
         count = 0
         total = F4(0)
         for y in range(top, top + rows):
-            above = d[y - 1, left:left + columns]
-            slope = b[y - 1, left:left + columns]
-            quiet_above = color_variance[y - 1, left:left + columns]
-            before = d[y, left - 1:left - 1 + columns]
-            lean = a[y, left - 1:left - 1 + columns]
-            quiet_before = color_variance[y, left - 1:left - 1 + columns]
-            here = d[y, left:left + columns]
-            quiet = color_variance[y, left:left + columns]
-            chi = misfit[y, left:left + columns]
+            here, quiet = d[y, left:stop], color_variance[y, left:stop]
+            chi, lean = misfit[y, left:stop], a[y, left:stop]
             for x in range(columns):
-                fits_above = ((abs(here[x] - above[x] - slope[x]) < step)
-                              | (quiet_above[x] >= FLAT))
-                fits_before = ((abs(here[x] - before[x] - lean[x]) < step)
-                               | (quiet_before[x] >= FLAT))
                 counts = quiet[x] < FLAT
-                broken += 1 if counts & (not (fits_above & fits_before)) else 0
                 count += 1 if counts else 0
                 value = chi[x] if chi[x] < CEILING else CEILING  # NaN counts as that
                 total += value if counts else F4(0)
+            after, quiet_after = d[y, left + SPAN:stop], color_variance[y, left + SPAN:stop]
+            for x in range(columns - SPAN):
+                fits = abs(after[x] - here[x] - F4(SPAN) * lean[x]) < step
+                counts = (quiet[x] < FLAT) & (quiet_after[x] < FLAT)
+                broken += 1 if counts & (not fits) else 0
+            if y >= top + SPAN:
+                above, fall = d[y - SPAN, left:stop], b[y - SPAN, left:stop]
+                quiet_above = color_variance[y - SPAN, left:stop]
+                for x in range(columns):
+                    fits = abs(here[x] - above[x] - F4(SPAN) * fall[x]) < step
+                    counts = (quiet[x] < FLAT) & (quiet_above[x] < FLAT)
+                    broken += 1 if counts & (not fits) else 0
             if broken > 0:
                 break
         smooth[tile] = (broken == 0) & (total <= worst * F4(count))

@@ -41,14 +41,14 @@ RIDGE = F4(0.1)     # node^2: how firmly a slope keeps its last value
 STEEPEST = F4(6.0)  # px per node
 GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
 GATES_SLOW = 3.0, 1.5, 0.75  # likewise under a pattern whose colors change slowly
-STEADY = 2.0, 1.5, 0.5   # px between neighbors of one surface, likewise: seeds are rough
-EVEN = F4(0.75)     # px, likewise in the end
+STEADY = 3.0, 2.5, 1.25  # px from the plane of a node SPAN away, likewise: seeds are rough
+EVEN = F4(1.25)     # px, likewise in the end
 STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it does not fit
 INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
 BRIGHT = F4(48.0)   # DN of summed channels: of darker nodes more must agree to be no island
-SMOOTH_MISFIT = F4(4.0)  # mean misfit of a tile where nothing is wrong
+SMOOTH_MISFIT = F4(6.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
 COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
 VAGUE = 0.7         # px: standard deviation of a plane that is too uncertain to publish
@@ -259,7 +259,7 @@ class SurfaceMethod:
         A single noisy node of the round before keeps a tile and its surroundings from it.
 
         """
-        smooth = tiles[self.smooth(tiles, WIDE_RADIUS, EVEN)]
+        smooth = tiles[self.smooth(tiles, WIDE_RADIUS)]
         if smooth.size:
             reach = np.full(len(smooth), WIDE_RADIUS, np.int8)  # no window with a gate
             self.solve_planes(smooth, reach, self.gates[-1], 1)
@@ -273,7 +273,7 @@ class SurfaceMethod:
                    self.noise_weight, ridge, STEEPEST, self.reference, *self.spare, self.variance)
         self.planes, self.spare = self.spare, self.planes
 
-    def smooth(self, tiles, halo, step=CONTINUOUS):
+    def smooth(self, tiles, halo, step=EVEN):
         """Return which tiles, with so many nodes around, one surface fills, bool (N,)."""
         smooth = np.empty(len(tiles), bool)
         find_smooth_tiles(*self.planes, self.misfit, self.left.variance, tiles, halo,
