@@ -42,6 +42,8 @@ DISPARITY = 10
 DEPTH = 60.0 * 0.06 / DISPARITY
 PATIENCE = 60.0
 """s until a test gives up; nothing depends on how fast things are."""
+ASK_AGAIN = 10.0
+"""s until a request to a service is repeated."""
 PAPER = {'matching.method': 'paper', 'range.min_depth': 0.25, 'range.max_depth': 0.8,
          'color.smoothing': 0.0}
 """Parameters under which the tiny cameras work."""
@@ -94,8 +96,12 @@ def info_message(camera, **changes):
 class NodeProcess:
     """A node of this package in a process of its own."""
 
+    started = []
+    """Of this class, in this test session."""
+
     def __init__(self, log, module='range_node', parameters=None, arguments=(), environment=None):
         self.log = Path(log)
+        NodeProcess.started.append(self)
         code = f'from color_stereo_ros.nodes.{module} import main; raise SystemExit(main())'
         command = [sys.executable, '-c', code, '--ros-args']
         for name, value in (parameters or {}).items():
@@ -255,9 +261,17 @@ class Rig:
         client = self._clients.get(name)
         if client is None:
             client = self._clients[name] = self.node.create_client(kind, name)
+        futures = []
+
+        def answer():
+            # a server that has just gone may still count as ready, and never answers
+            if len(futures) <= (time.monotonic() - start) / ASK_AGAIN:
+                futures.append(client.call_async(request))
+            return next((future.result() for future in futures if future.done()), None)
+
         self.spin_until(client.service_is_ready, name)
-        future = client.call_async(request)
-        return self.spin_until(lambda: future.done() and future.result(), f'answer of {name}')
+        start = time.monotonic()
+        return self.spin_until(answer, f'answer of {name}')
 
     def set_parameters(self, atomically=True, **values):
         """Set parameters (`__` stands for a dot) and return the results."""
