@@ -37,7 +37,7 @@ class CoarseSearch:
     CAP, NEUTRAL = np.int16(160), np.int16(70)
     SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed with weights of eight in all
     CLEAR = 1.0       # large steps: by less, a repetition of the pattern loses by chance
-    REGION, CLEAR_SHARE = (41, 41), 0.5  # nodes; where this share is not clear, nothing is
+    REGION = 41, 41   # nodes, in which the share of clear ones is counted
 
     def __init__(self, nodes, width, limits, prior, soft, arena):
         """Allocate the volumes."""
@@ -73,7 +73,7 @@ class CoarseSearch:
             (2, 2 * depth + 3, max(each.cost.shape[2] for each in (self.upright, self.turned))),
             np.int16)
         self.disparity, self.clear = arena.empty((2, h, w), F4)
-        self.ambiguous = np.zeros((h, w), bool)  # places where only chance would decide
+        self.clear_share = np.ones((h, w), F4)  # of the nodes around each one
         self.best = arena.empty((BANDS, 2, w), np.int32)
 
     def search(self, left, right):
@@ -96,8 +96,7 @@ class CoarseSearch:
         winners(self.upright.total, self.first, self.least_gap, self.disparity, self.clear,
                 self.best)
         if self.least_gap > 0:
-            self.ambiguous = cv2.blur(self.clear, self.REGION) < self.CLEAR_SHARE
-            self.disparity[self.ambiguous] = np.nan
+            cv2.blur(self.clear, self.REGION, dst=self.clear_share)
         return self.disparity
 
     def aggregate(self):

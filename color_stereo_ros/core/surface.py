@@ -41,8 +41,8 @@ RIDGE = F4(0.1)     # node^2: how firmly a slope keeps its last value
 STEEPEST = F4(6.0)  # px per node
 GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
 GATES_SLOW = 3.0, 1.5, 0.75  # likewise under a pattern whose colors change slowly
-STEADY = 3.0, 2.5, 1.25  # px from the plane of a node SPAN away, likewise: seeds are rough
-EVEN = F4(1.25)     # px, likewise in the end
+STEADY = 3.0, 2.5, 1.25  # px from the plane of a node SPAN away, likewise and in the end
+STEADY_SLOW = 16.0, 12.0, 6.0  # likewise under such a pattern: creases do not show there
 STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
 TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it does not fit
 INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
@@ -71,6 +71,11 @@ THINNED = 2         # nodes between samples
 SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
 APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
 DISCORD = F4(0.65)  # matches are chance,
+# Share of clear nodes around a node under a pattern that repeats, and log-odds that its period
+# is the right one: measured on simulated scenes under 16 sines, see docs/surface_method.md.
+PERIOD_ODDS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 1.0), (-0.6, -0.4, 0.4, 1.1, 2.1, 4.2, 5.5)
+MATCHING_REASONS = (Status.NO_MATCH, Status.INCONSISTENT, Status.OUT_OF_RANGE,
+                    Status.IMPLAUSIBLE)
 DISCORD_ODDS = F4(20.0)  # and lose up to these log-odds
 
 
@@ -115,6 +120,7 @@ class SurfaceMethod:
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
         self.gates = np.array(GATES_SLOW if prior.blur else GATES, F4)
+        self.steady = np.array(STEADY_SLOW if prior.blur else STEADY, F4)
         self.inertia = F4(INERTIA_SLOW if prior.blur else 0.0)
         self.correlation = F4(correlation(prior.blur))
         self.model = MODEL
@@ -239,10 +245,10 @@ class SurfaceMethod:
         """
         Fit planes to the linearized nodes of some tiles; return those that got no wide windows.
 
-        turn: which of the gates and of STEADY hold; stride: of the window rows near depth edges.
+        turn: which of the gates and of `steady` hold; stride: of the window rows near depth edges.
 
         """
-        step = F4(STEADY[turn])
+        step = self.steady[turn]
         reach = np.zeros(len(tiles), np.int8)
         smooth = np.flatnonzero(self.smooth(tiles, RADIUS, step))
         reach[smooth] = RADIUS
@@ -273,8 +279,14 @@ class SurfaceMethod:
                    self.noise_weight, ridge, STEEPEST, self.reference, *self.spare, self.variance)
         self.planes, self.spare = self.spare, self.planes
 
-    def smooth(self, tiles, halo, step=EVEN):
-        """Return which tiles, with so many nodes around, one surface fills, bool (N,)."""
+    def smooth(self, tiles, halo, step=None):
+        """
+        Return which tiles, with so many nodes around, one surface fills, bool (N,).
+
+        step: px from the plane of a node SPAN away, as in the end if not given.
+
+        """
+        step = self.steady[-1] if step is None else step
         smooth = np.empty(len(tiles), bool)
         find_smooth_tiles(*self.planes, self.misfit, self.left.variance, tiles, halo,
                           step, SMOOTH_MISFIT, smooth)
@@ -342,17 +354,31 @@ class SurfaceMethod:
                self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
                F4(color.min_signal), HIDDEN_ODDS, self.vague, self.std, self.odds,
                self.reason)
-        if self.coarse.ambiguous.any():
-            self.explain_repetitions()
+        if self.coarse.least_gap > 0:
+            self.doubt_repetitions()
 
-    def explain_repetitions(self):
-        """Give nodes that have no plane because the pattern repeats there that reason."""
-        rows, columns = self.nodes
-        repeated = cv2.resize(self.coarse.ambiguous.view(np.uint8), (columns, rows),
-                              interpolation=cv2.INTER_NEAREST).view(bool)
+    def doubt_repetitions(self):
+        """
+        Trust no node more than that no repetition of the pattern was taken for its match.
+
+        That is decided for whole surfaces: where a repetition costs about as much at many nodes,
+        it may have won at all of them.
+
+        """
+        share = cv2.resize(self.coarse.clear_share, self.nodes[::-1],
+                           interpolation=cv2.INTER_LINEAR)
+        odds = np.interp(share, *PERIOD_ODDS).astype(F4)
+        rows, columns = self.inner
+        framed = np.s_[rows, columns.start - 1:columns.stop + 1]  # `settle` repeats the borders
+        np.minimum(self.odds[framed], np.pad(odds, ((0, 0), (1, 1)), 'edge'),
+                   out=self.odds[framed])
+        self.explain_repetitions(odds)
+
+    def explain_repetitions(self, odds):
+        """Give nodes that have no range because the pattern repeats there that reason."""
         reason = self.reason[self.inner]
-        reason[repeated & (reason == Status.NO_MATCH)
-               & np.isnan(self.planes[0][self.inner])] = Status.AMBIGUOUS
+        reason[(odds < log_odds(self.settings.matching.min_confidence))
+               & np.isin(reason, MATCHING_REASONS)] = Status.AMBIGUOUS
 
     def usual_balance(self):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
