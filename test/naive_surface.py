@@ -575,6 +575,8 @@ def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, off
             codes[v, u] = reason[node]
         elif not limits[0] <= value <= limits[1]:
             codes[v, u] = Status.OUT_OF_RANGE
+        elif not 0 <= u - value <= shape[1] - 1:
+            codes[v, u] = Status.INCONSISTENT
         else:
             images[:, v, u] = (value, focal_baseline / (value - offset), std[node],
                                1 / (1 + math.exp(-certainty)))

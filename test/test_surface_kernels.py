@@ -594,6 +594,7 @@ def expanded(size, seed):
     """Return what the kernel and its twin make of random planes for an image of this size."""
     rng = np.random.default_rng(seed)
     shape = planes(seed)
+    shape[0][:, PAD:PAD + 3] = 4  # the first of these pixels lie outside the right image
     std = rng.random(SHAPE).astype(F4)
     odds = rng.choice([HOPELESS, -20, -1, 2, 5], SHAPE).astype(F4)
     odds[np.isnan(shape[0])] = HOPELESS
@@ -613,7 +614,8 @@ def test_planes_are_evaluated_at_every_pixel(beyond):
     (images, codes), expected = expanded((2 * ROWS + beyond, 2 * COLUMNS + beyond), 27)
     np.testing.assert_array_equal(codes, expected[1])
     np.testing.assert_allclose(images, expected[0], rtol=1e-4, atol=1e-4)
-    assert {Status.VALID, Status.OUT_OF_RANGE, Status.NO_MATCH} < set(np.unique(codes))
+    assert {Status.VALID, Status.OUT_OF_RANGE, Status.NO_MATCH, Status.INCONSISTENT} < set(
+        np.unique(codes))
 
 
 def test_a_pixel_beside_a_doubtful_node_is_doubted_more():
