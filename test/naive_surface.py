@@ -247,6 +247,8 @@ def foreshortened(left, y, x, kernel, a, b):
     shown = max(1 - a / 2, 0.25)
     variance = kernel * ((1 + (b / 2) ** 2) / shown ** 2 - 1)  # px^2
     gain = min(variance / 4 / 2, 1 / 3)
+    if max(left[2, y, x - 1], left[2, y, x + 1]) >= FLAT:
+        gain = 0
     u = left[:2].astype(float)
     return u[:, y, x] + gain * (u[:, y, x - 1] - 2 * u[:, y, x] + u[:, y, x + 1])
 

@@ -97,11 +97,10 @@ class NodeProcess:
     """A node of this package in a process of its own."""
 
     started = []
-    """Of this class, in this test session."""
+    """All processes of this test session."""
 
     def __init__(self, log, module='range_node', parameters=None, arguments=(), environment=None):
         self.log = Path(log)
-        NodeProcess.started.append(self)
         code = f'from color_stereo_ros.nodes.{module} import main; raise SystemExit(main())'
         command = [sys.executable, '-c', code, '--ros-args']
         for name, value in (parameters or {}).items():
@@ -111,6 +110,7 @@ class NodeProcess:
             self.process = subprocess.Popen(
                 [*command, *arguments], cwd=ROOT, stdout=file, stderr=subprocess.STDOUT,
                 env={**os.environ, **(environment or {})})
+        NodeProcess.started.append(self)
 
     def text(self):
         """Return all that the node has said."""
@@ -257,7 +257,7 @@ class Rig:
         return self.await_output(topic, self.send_pair())
 
     def call(self, kind, name, request):
-        """Call a service and return the response."""
+        """Call a service and return the response; the request may arrive more than once."""
         client = self._clients.get(name)
         if client is None:
             client = self._clients[name] = self.node.create_client(kind, name)

@@ -8,6 +8,7 @@ Kernels compute in float32, twins in float64: 1e-4 relative, or as stated.
 
 import ast
 from dataclasses import replace
+import math
 import os
 from pathlib import Path
 import subprocess
@@ -21,7 +22,7 @@ from color_stereo_ros.core._coarse_kernels import (
 from color_stereo_ros.core._color_kernels import (
     add_color_sums, box_sums, channel_levels, sample_colors)
 from color_stereo_ros.core._grid_kernels import CEILING, FLAT, PAD, TILE_COLUMNS, TILE_ROWS
-from color_stereo_ros.core._neighbor_kernels import propagate
+from color_stereo_ros.core._neighbor_kernels import HALO, MARGIN, propagate
 from color_stereo_ros.core._pixel_kernels import expand
 from color_stereo_ros.core._plane_kernels import (
     find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
@@ -295,10 +296,11 @@ def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
     assert abs(np.nansum(moment) / np.nansum(weight) - 8 - fraction) < 0.0005
 
 
-@pytest.mark.parametrize('tiles', [TILES, TILES[1:3]])
-def test_linearization_is_the_derivative_of_the_misfit(tiles):
+@pytest.mark.parametrize('tiles, slope', [(TILES, 0), (TILES[1:3], 0), (TILES, 0.8), (TILES, 5)])
+def test_linearization_is_the_derivative_of_the_misfit(tiles, slope):
     left, right = views(9)
     shape = planes(10)
+    shape[1] += slope  # px per node: .8 is blurred most, 5 is turned over
     expected = naive.linearize(left.astype(float), right.astype(float), float(KERNEL),
                                MATRIX.astype(float), shape.astype(float), tiles,
                                float(surface.ROBUST), 1.7, 3.0)
@@ -409,10 +411,10 @@ def test_smooth_tiles_hold_one_surface(seed, change):
     if 'dark' in change:
         variance[PAD + 1:PAD + 8, PAD + 2:PAD + 9] = FLAT
     smooth = np.empty(len(TILES), bool)
-    find_smooth_tiles(*shape, misfit, variance, TILES, 2, F4(1), surface.SMOOTH_MISFIT,
-                      smooth)
-    expected = naive.find_smooth_tiles(shape.astype(float), misfit, variance, TILES, 2, 1.0,
-                                       float(surface.SMOOTH_MISFIT))
+    step = F4(surface.STEADY[-1])
+    find_smooth_tiles(*shape, misfit, variance, TILES, 2, step, surface.SMOOTH_MISFIT, smooth)
+    expected = naive.find_smooth_tiles(shape.astype(float), misfit, variance, TILES, 2,
+                                       float(step), float(surface.SMOOTH_MISFIT))
     np.testing.assert_array_equal(smooth, expected)
     assert smooth[0] == (change in ('nothing', 'dark', 'dark jump'))
 
@@ -435,6 +437,12 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
     np.testing.assert_allclose(out[3], expected[3], rtol=1e-3, atol=1e-3)
     same = np.isclose(out[:3], expected[:3], rtol=1e-4, atol=1e-4, equal_nan=True)
     assert same.mean() > 0.998  # two planes may fit equally well to float32 rounding
+
+
+def test_the_frame_is_as_wide_as_windows_and_steps_reach():
+    farthest = max(step for steps in surface.STEPS for step in steps)
+    assert farthest + max(MARGIN, HALO) <= PAD
+    assert 4 * math.ceil(WIDE_RADIUS / 4) <= PAD and WIDE_RADIUS < PAD
 
 
 def test_tiles_far_from_any_plane_stay_unknown():

@@ -26,7 +26,7 @@ FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
 F4 = np.float32
 I4 = np.int32
 U4 = np.uint32
-PAD = 8  # unknown nodes around a half grid: window radius + halo, or propagation step + halo
+PAD = 8  # unknown nodes around a half grid: a wide window's margin, or a step and a patch's
 TILE_ROWS = 8
 TILE_COLUMNS = 32
 JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
@@ -56,7 +56,8 @@ def foreshortening(a, b, kernel):
     differently: 1 px of the left image shows what 1 - a' px of the right one show, a' = a / 2 and
     b' = b / 2 being the slopes in px per px. Carried along the plane to the left image, the
     variance of the right kernel along rows is (1 + b'^2) / (1 - a')^2 times as large. A gain g
-    adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens.
+    adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens. Callers give
+    it up beside a node without information.
 
     """
     face = max(F4(1) - F4(0.5) * a, STEEPEST_FACE)

@@ -44,7 +44,7 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
             ru, rv, rvar = right_u[y], right_v[y], right_var[y]
             lu = left_u[y, left - 1:left + TILE_COLUMNS + 1]
             lv = left_v[y, left - 1:left + TILE_COLUMNS + 1]
-            lvar = left_var[y, left:left + TILE_COLUMNS]
+            lvar = left_var[y, left - 1:left + TILE_COLUMNS + 1]
             dd = d[y, left:left + TILE_COLUMNS]
             aa = a[y, left:left + TILE_COLUMNS]
             bb = b[y, left:left + TILE_COLUMNS]
@@ -74,6 +74,7 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
                 gu = g0 * u0 + g1 * u1 + g2 * u2 + g3 * u3
                 gv = g0 * v0 + g1 * v1 + g2 * v2 + g3 * v3
                 gain = foreshortening(aa[x], bb[x], kernel)
+                gain = gain if max(lvar[x], lvar[x + 2]) < FLAT else F4(0)
                 own = one - two * gain
                 own_u = own * lu[x + 1] + gain * (lu[x] + lu[x + 2])
                 own_v = own * lv[x + 1] + gain * (lv[x] + lv[x + 2])
@@ -82,9 +83,9 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
                 slope_u = m00 * gu + m01 * gv
                 slope_v = m10 * gu + m11 * gv
                 noise = max(rvar[i1], rvar[i2])
-                informed = known & (noise < FLAT) & (lvar[x] < FLAT)
+                informed = known & (noise < FLAT) & (lvar[x + 1] < FLAT)
                 steep = slope_u * slope_u + slope_v * slope_v
-                w = one / (scale * (lvar[x] + noise) + JITTER * steep)
+                w = one / (scale * (lvar[x + 1] + noise) + JITTER * steep)
                 chi = w * (error_u * error_u + error_v * error_v)
                 w = w / (one + chi / robust)
                 strength = w * steep

@@ -36,7 +36,6 @@ class CoarseSearch:
     KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
     CAP, NEUTRAL = np.int16(160), np.int16(70)
     SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed with weights of eight in all
-    CLEAR = 1.0       # large steps: by less, a repetition of the pattern loses by chance
     REGION = 41, 41   # nodes, in which the share of clear ones is counted
 
     def __init__(self, nodes, width, limits, prior, soft, arena):
@@ -53,7 +52,7 @@ class CoarseSearch:
         # four path costs, each at most eight capped nodes and one penalty, must fit into int16
         self.penalties = [np.int16(round(min(prior.smoothness, 10.0) * penalty))
                           for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
-        self.least_gap = round(self.CLEAR * int(self.penalties[1])) if prior.repeats else 0
+        self.least_gap = round(prior.least_gap * self.LARGE_STEP)
         self.prior = prior
         self.texture = F4(self.SCALE * prior.texture)
         self.soft = F4(soft)

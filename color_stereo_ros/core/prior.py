@@ -22,8 +22,16 @@ class Prior:
     """Factor of the penalties for steps."""
     blur: int
     """Radius over which colors are averaged, nodes."""
-    repeats: bool
-    """The same colors may come again within the search."""
+    least_gap: float
+    """
+    Large steps, at smoothness 1, by which a repetition of the pattern must cost more than a match
+    to be out of the question; 0: the same colors do not come again within the search.
+    """
+
+    @property
+    def repeats(self):
+        """Return whether the same colors may come again within the search."""
+        return self.least_gap > 0
 
     @classmethod
     def of(cls, settings, width):
@@ -52,12 +60,13 @@ def _kind(pattern, width):
     """Return the prior before the settings change it."""
     if pattern.type in APERIODIC:
         return Prior(texture=0.35, surroundings=9, knee=12.0, smoothness=1.0, blur=0,
-                     repeats=False)
+                     least_gap=0.0)
     cycles = pattern.cycles if pattern.type in SLOW else math.inf  # unknown
     # A color that changes slowly shows its slope only over many pixels.
     blur = min(4, round(width / cycles / 160))
     # Neighbors and the brightness of the surface tell repetitions apart: shading, too, and not
     # print only, where it is known that whole periods may be confused.
     shaded = 1 < cycles < math.inf
+    smoothness = 1.0 if blur else 2.0
     return Prior(texture=4.0 if shaded else 2.0, surroundings=41 if shaded else 9, knee=48.0,
-                 smoothness=1.0 if blur else 2.0, blur=blur, repeats=cycles > 1)
+                 smoothness=smoothness, blur=blur, least_gap=smoothness if cycles > 1 else 0.0)

@@ -71,12 +71,13 @@ THINNED = 2         # nodes between samples
 SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
 APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
 DISCORD = F4(0.65)  # matches are chance,
+DISCORD_ODDS = F4(20.0)  # and lose up to these log-odds
 # Share of clear nodes around a node under a pattern that repeats, and log-odds that its period
 # is the right one: measured on simulated scenes under 16 sines, see docs/surface_method.md.
-PERIOD_ODDS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 1.0), (-0.6, -0.4, 0.4, 1.1, 2.1, 4.2, 5.5)
-MATCHING_REASONS = (Status.NO_MATCH, Status.INCONSISTENT, Status.OUT_OF_RANGE,
-                    Status.IMPLAUSIBLE)
-DISCORD_ODDS = F4(20.0)  # and lose up to these log-odds
+PERIOD_ODDS = ((0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.99, 1.0),
+               (-0.6, -0.4, 0.4, 1.1, 2.1, 4.2, 5.5, 14.0))
+WRONG_PERIOD_REASONS = (Status.NO_MATCH, Status.INCONSISTENT, Status.OUT_OF_RANGE,
+                        Status.IMPLAUSIBLE)  # what a wrong period looks like
 
 
 class SurfaceMethod:
@@ -115,8 +116,10 @@ class SurfaceMethod:
         variance = np.median(known) if known.size else 0.0
         for view in views:
             view.even_out(variance, arena)
-        self.kernel = F4(variance if settings.matching.foreshortening else 0.0)
         prior = Prior.of(settings, width)
+        # averaged colors change too slowly for their blur to show
+        foreshortened = settings.matching.foreshortening and not prior.blur
+        self.kernel = F4(variance if foreshortened else 0.0)
         self.blur = prior.blur
         self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
         self.gates = np.array(GATES_SLOW if prior.blur else GATES, F4)
@@ -378,7 +381,7 @@ class SurfaceMethod:
         """Give nodes that have no range because the pattern repeats there that reason."""
         reason = self.reason[self.inner]
         reason[(odds < log_odds(self.settings.matching.min_confidence))
-               & np.isin(reason, MATCHING_REASONS)] = Status.AMBIGUOUS
+               & np.isin(reason, WRONG_PERIOD_REASONS)] = Status.AMBIGUOUS
 
     def usual_balance(self):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
