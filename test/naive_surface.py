@@ -333,21 +333,19 @@ def fitted_plane(weight, moment, last, y, x, window, noise_weight, ridge, steepe
     return reference + pulled[0] / total - means @ slopes, *slopes, variance
 
 
-def find_smooth_tiles(planes, misfit, variance, tiles, halo, step, worst):
+def find_smooth_tiles(planes, variance, tiles, halo, step):
     """Return which tiles one surface fills, bool (N,)."""
     d, a, b = planes
     smooth = []
     for tile in tiles:
         speaking = [node for node in tile_nodes(tile, halo) if variance[node] < FLAT]
         inside = set(speaking)
-        unbroken = all(
+        smooth.append(all(
             ((y - SPAN, x) not in inside
              or abs(d[y, x] - d[y - SPAN, x] - SPAN * b[y - SPAN, x]) < step)
             and ((y, x - SPAN) not in inside
                  or abs(d[y, x] - d[y, x - SPAN] - SPAN * a[y, x - SPAN]) < step)
-            for y, x in speaking)
-        total = sum(capped(misfit[node]) for node in speaking)
-        smooth.append(unbroken and total <= worst * len(speaking))
+            for y, x in speaking))
     return np.array(smooth)
 
 
@@ -517,7 +515,7 @@ def find_hidden(planes, trust, rows, columns, width, tolerance):
     return hidden
 
 
-def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
+def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, width, limits,
            saturation, dark, hidden_odds, vague):
     """Return standard deviation, log-odds and the reason for no range, (rows, columns) each."""
     std, odds = np.zeros((2, rows, columns))
@@ -527,6 +525,7 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
         apart = BENT * evidence[3, row, column] ** 2
         std[row, column] = math.sqrt(CORRELATED * variance[node] + apart ** 2)
         bright = peak[node] >= saturation
+        unseen = not 0 <= 2 * column - d[node] <= width - 2
         reasons = [
             (Status.OUTSIDE_IMAGE, peak[node] < 0),
             (Status.SATURATED, bright),
@@ -534,13 +533,13 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, l
             (Status.NO_MATCH, math.isnan(d[node])),
             (Status.AMBIGUOUS, variance[node] > vague ** 2),
             (Status.OUT_OF_RANGE, not limits[0] <= d[node] <= limits[1]),
-            (Status.INCONSISTENT, hidden[node]),
+            (Status.INCONSISTENT, hidden[node] or unseen),
             (Status.AMBIGUOUS, std[row, column] > vague),
             (Status.NO_MATCH, cost[node] > 0.3 * CEILING),
             (Status.IMPLAUSIBLE, True)]
         reason[row, column] = next(code for code, holds in reasons if holds)
         hopeless = (peak[node] < 0 or variance[node] > vague ** 2
-                    or trust[node] < -MOST_ODDS
+                    or trust[node] < -MOST_ODDS or unseen
                     or not limits[0] <= d[node] <= limits[1]
                     or s[node] < PITCH_DARK and not bright)
         odds[row, column] = HOPELESS if hopeless else (
@@ -577,8 +576,6 @@ def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, off
             codes[v, u] = reason[node]
         elif not limits[0] <= value <= limits[1]:
             codes[v, u] = Status.OUT_OF_RANGE
-        elif not 0 <= u - value <= shape[1] - 1:
-            codes[v, u] = Status.INCONSISTENT
         else:
             images[:, v, u] = (value, focal_baseline / (value - offset), std[node],
                                1 / (1 + math.exp(-certainty)))

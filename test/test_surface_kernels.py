@@ -389,14 +389,12 @@ def test_tiles_without_information_keep_their_planes():
     assert np.isinf(out[3][INNER]).all()
 
 
-@pytest.mark.parametrize('seed, change', [
-    (14, 'nothing'), (15, 'jump'), (16, 'hole'), (17, 'misfit'), (18, 'dark'), (19, 'dark jump'),
-    (20, 'round crease')])
-def test_smooth_tiles_hold_one_surface(seed, change):
+@pytest.mark.parametrize('change', [
+    'nothing', 'jump', 'hole', 'dark', 'dark jump', 'round crease'])
+def test_smooth_tiles_hold_one_surface(change):
     row, column = np.mgrid[:SHAPE[0], :SHAPE[1]]
     shape = np.stack([0.1 * row - 0.2 * column, np.full(SHAPE, -0.2),
                       np.full(SHAPE, 0.1)]).astype(F4)
-    misfit = np.random.default_rng(seed).uniform(0, 2, SHAPE).astype(F4)
     variance = np.full(SHAPE, 0.01, F4)
     where = np.s_[PAD + 3:PAD + 6, PAD + 4:PAD + 7]
     if 'jump' in change:
@@ -406,15 +404,12 @@ def test_smooth_tiles_hold_one_surface(seed, change):
     if change == 'round crease':  # of .8 px per px, rounded over 8 nodes: neighbors are even
         shape[1] = -0.8 + np.clip(0.2 * (column - PAD - 12), 0, 1.6)
         shape[0] = 0.1 * row + np.cumsum(shape[1], axis=1)
-    if change == 'misfit':
-        misfit[PAD:PAD + 8] = np.nan
     if 'dark' in change:
         variance[PAD + 1:PAD + 8, PAD + 2:PAD + 9] = FLAT
     smooth = np.empty(len(TILES), bool)
     step = F4(surface.STEADY[-1])
-    find_smooth_tiles(*shape, misfit, variance, TILES, 2, step, surface.SMOOTH_MISFIT, smooth)
-    expected = naive.find_smooth_tiles(shape.astype(float), misfit, variance, TILES, 2,
-                                       float(step), float(surface.SMOOTH_MISFIT))
+    find_smooth_tiles(*shape, variance, TILES, 2, step, smooth)
+    expected = naive.find_smooth_tiles(shape.astype(float), variance, TILES, 2, float(step))
     np.testing.assert_array_equal(smooth, expected)
     assert smooth[0] == (change in ('nothing', 'dark', 'dark jump'))
 
@@ -587,7 +582,7 @@ def test_every_reason_is_given_and_as_documented():
     s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
     std, odds = np.zeros((2, *SHAPE), F4)
     reason = np.zeros(SHAPE, np.uint8)
-    rest = (np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, surface.VAGUE)
+    rest = (2 * COLUMNS, np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, surface.VAGUE)
     settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
            odds, reason)
     expected = naive.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS,
@@ -602,7 +597,6 @@ def expanded(size, seed):
     """Return what the kernel and its twin make of random planes for an image of this size."""
     rng = np.random.default_rng(seed)
     shape = planes(seed)
-    shape[0][:, PAD:PAD + 3] = 4  # the first of these pixels lie outside the right image
     std = rng.random(SHAPE).astype(F4)
     odds = rng.choice([HOPELESS, -20, -1, 2, 5], SHAPE).astype(F4)
     odds[np.isnan(shape[0])] = HOPELESS
@@ -622,8 +616,7 @@ def test_planes_are_evaluated_at_every_pixel(beyond):
     (images, codes), expected = expanded((2 * ROWS + beyond, 2 * COLUMNS + beyond), 27)
     np.testing.assert_array_equal(codes, expected[1])
     np.testing.assert_allclose(images, expected[0], rtol=1e-4, atol=1e-4)
-    assert {Status.VALID, Status.OUT_OF_RANGE, Status.NO_MATCH, Status.INCONSISTENT} < set(
-        np.unique(codes))
+    assert {Status.VALID, Status.OUT_OF_RANGE, Status.NO_MATCH} < set(np.unique(codes))
 
 
 def test_a_pixel_beside_a_doubtful_node_is_doubted_more():

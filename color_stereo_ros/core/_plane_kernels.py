@@ -5,7 +5,7 @@ import numpy as np
 
 from ._band_kernels import band, banded
 from ._grid_kernels import (
-    any_above, CEILING, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN,
+    any_above, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN,
     PAD, TILE_COLUMNS, TILE_ROWS)
 from ._part_kernels import part
 from ._stack_kernels import stack_array, stack_row
@@ -325,14 +325,13 @@ def fit_planes(k, weight, moment, d, a, b, tiles, reach, gate, stride, noise_wei
 
 
 @banded(fastmath=FAST)
-def find_smooth_tiles(k, d, a, b, misfit, color_variance, tiles, halo, step, worst, smooth):
+def find_smooth_tiles(k, d, a, b, color_variance, tiles, halo, step, smooth):
     """
     Mark the tiles in and around which one surface fits everywhere.
 
-    No unknown node, no node more than `step` px off the plane of the one SPAN nodes to its left or
-    above it (`halo` nodes around the tile included), and a mean misfit below `worst`. Neighbors
-    would not tell a crease, which windows have rounded. Nodes whose color says nothing do not
-    count.
+    No unknown node, and no node more than `step` px off the plane of the one SPAN nodes to its left
+    or above it (`halo` nodes around the tile included). Neighbors would not tell a crease, which
+    windows have rounded. Nodes whose color says nothing do not count.
 
     """
     rows, columns = TILE_ROWS + 2 * halo, TILE_COLUMNS + 2 * halo
@@ -341,17 +340,10 @@ def find_smooth_tiles(k, d, a, b, misfit, color_variance, tiles, halo, step, wor
         top, left = tiles[tile, 0] - halo, tiles[tile, 1] - halo
         stop = left + columns
         broken = 0
-        count = 0
-        total = F4(0)
         for y in range(top, top + rows):
             here, quiet = d[y, left:stop], color_variance[y, left:stop]
-            chi, lean = misfit[y, left:stop], a[y, left:stop]
-            for x in range(columns):
-                counts = quiet[x] < FLAT
-                count += 1 if counts else 0
-                value = chi[x] if chi[x] < CEILING else CEILING  # NaN counts as that
-                total += value if counts else F4(0)
-            after, quiet_after = d[y, left + SPAN:stop], color_variance[y, left + SPAN:stop]
+            after, lean = d[y, left + SPAN:stop], a[y, left:stop]
+            quiet_after = color_variance[y, left + SPAN:stop]
             for x in range(columns - SPAN):
                 fits = abs(after[x] - here[x] - F4(SPAN) * lean[x]) < step
                 counts = (quiet[x] < FLAT) & (quiet_after[x] < FLAT)
@@ -365,4 +357,4 @@ def find_smooth_tiles(k, d, a, b, misfit, color_variance, tiles, halo, step, wor
                     broken += 1 if counts & (not fits) else 0
             if broken > 0:
                 break
-        smooth[tile] = (broken == 0) & (total <= worst * F4(count))
+        smooth[tile] = broken == 0

@@ -48,7 +48,6 @@ TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it 
 INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
 CONTINUOUS = F4(1.0)     # px between neighbors on one surface
 BRIGHT = F4(48.0)   # DN of summed channels: of darker nodes more must agree to be no island
-SMOOTH_MISFIT = F4(6.0)  # mean misfit of a tile where nothing is wrong
 SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
 COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
 VAGUE = 0.7         # px: standard deviation of a plane that is too uncertain to publish
@@ -291,8 +290,7 @@ class SurfaceMethod:
         """
         step = self.steady[-1] if step is None else step
         smooth = np.empty(len(tiles), bool)
-        find_smooth_tiles(*self.planes, self.misfit, self.left.variance, tiles, halo,
-                          step, SMOOTH_MISFIT, smooth)
+        find_smooth_tiles(*self.planes, self.left.variance, tiles, halo, step, smooth)
         return smooth
 
     def copy_planes(self):
@@ -353,7 +351,7 @@ class SurfaceMethod:
                         SEPARATE, self.hidden, *self.owners)
         color = self.settings.color
         settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust,
-               self.hidden, self.left.peak, self.left.s, *self.nodes,
+               self.hidden, self.left.peak, self.left.s, *self.nodes, self.geometry.width,
                self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
                F4(color.min_signal), HIDDEN_ODDS, self.vague, self.std, self.odds,
                self.reason)
