@@ -247,8 +247,6 @@ def foreshortened(left, y, x, kernel, a, b):
     shown = max(1 - a / 2, 0.25)
     variance = kernel * ((1 + (b / 2) ** 2) / shown ** 2 - 1)  # px^2
     gain = min(variance / 4 / 2, 1 / 3)
-    if max(left[2, y, x - 1], left[2, y, x + 1]) >= FLAT:
-        gain = 0
     u = left[:2].astype(float)
     return u[:, y, x] + gain * (u[:, y, x - 1] - 2 * u[:, y, x] + u[:, y, x + 1])
 
@@ -268,7 +266,9 @@ def linearize(left, right, kernel, matrix, planes, tiles, robust, scale, referen
             continue
         (u, gu), (v, gv) = (cubic(right[c, y, i - 1:i + 3].astype(float), place - i)
                             for c in (0, 1))
-        error = foreshortened(left, y, x, kernel, a[y, x], b[y, x]) - matrix @ (u, v, 1)
+        blurred = max(left[2, y, x - 1], left[2, y, x + 1]) < FLAT
+        own = foreshortened(left, y, x, kernel if blurred else 0, a[y, x], b[y, x])
+        error = own - matrix @ (u, v, 1)
         slope = matrix[:, :2] @ (gu, gv)
         steep = slope @ slope
         w = 1 / (scale * (left[2, y, x] + noise) + JITTER * steep)

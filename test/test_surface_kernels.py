@@ -582,7 +582,8 @@ def test_every_reason_is_given_and_as_documented():
     s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
     std, odds = np.zeros((2, *SHAPE), F4)
     reason = np.zeros(SHAPE, np.uint8)
-    rest = (2 * COLUMNS, np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, surface.VAGUE)
+    rest = (2 * COLUMNS, np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS,
+            surface.VAGUE)
     settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
            odds, reason)
     expected = naive.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS,

@@ -56,8 +56,7 @@ def foreshortening(a, b, kernel):
     differently: 1 px of the left image shows what 1 - a' px of the right one show, a' = a / 2 and
     b' = b / 2 being the slopes in px per px. Carried along the plane to the left image, the
     variance of the right kernel along rows is (1 + b'^2) / (1 - a')^2 times as large. A gain g
-    adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens. Callers give
-    it up beside a node without information.
+    adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens.
 
     """
     face = max(F4(1) - F4(0.5) * a, STEEPEST_FACE)

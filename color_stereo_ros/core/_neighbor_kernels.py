@@ -43,7 +43,7 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
         bb = b[y + step_y, start + step_x:stop + step_x]
         lu = left_u[y, start - 1:stop + 1]
         lv = left_v[y, start - 1:stop + 1]
-        lvar = left_var[y, start - 1:stop + 1]
+        lvar = left_var[y, start:stop]
         ru, rv, rvar = right_u[y], right_v[y], right_var[y]
         row = out[py]
         for x in range(PATCH_COLUMNS):
@@ -58,13 +58,12 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
             v = rv[i0] + slope_v * t
             noise = max(rvar[i0], rvar[i1])
             gain = foreshortening(aa[x], bb[x], kernel)
-            gain = gain if max(lvar[x], lvar[x + 2]) < FLAT else F4(0)
             own = F4(1) - F4(2) * gain
             own_u = own * lu[x + 1] + gain * (lu[x] + lu[x + 2])
             own_v = own * lv[x + 1] + gain * (lv[x] + lv[x + 2])
             error_u = own_u - (m00 * u + m01 * v + m02)
             error_v = own_v - (m10 * u + m11 * v + m12)
-            spread = (scale * (lvar[x + 1] + noise)
+            spread = (scale * (lvar[x] + noise)
                       + JITTER * (slope_u * slope_u + slope_v * slope_v))
             chi = (error_u * error_u + error_v * error_v) / spread
             chi = min(chi, cap)

@@ -27,9 +27,9 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
     where w = 1 / (scale (var_L + var_R)) and, in weight and moment, is multiplied by Cauchy's
     1 / (1 + misfit / robust). Interpolated by cubics through four columns: what is linear
     pulls towards whole pixels, and Catmull-Rom does so by .006 px. The left view of a node is
-    blurred as its plane demands, see `foreshortening`. matrix (2, 3) maps right chromaticities to
-    left ones. Unknown d, no information, or a place outside the right image:
-    weight = moment = 0, misfit NaN.
+    blurred as its plane demands, see `foreshortening`, but not beside nodes without information.
+    matrix (2, 3) maps right chromaticities to left ones. Unknown d, no information, or a place
+    outside the right image: weight = moment = 0, misfit NaN.
 
     """
     width = right_u.shape[1]
@@ -329,9 +329,9 @@ def find_smooth_tiles(k, d, a, b, color_variance, tiles, halo, step, smooth):
     """
     Mark the tiles in and around which one surface fits everywhere.
 
-    No unknown node, and no node more than `step` px off the plane of the one SPAN nodes to its left
-    or above it (`halo` nodes around the tile included). Neighbors would not tell a crease, which
-    windows have rounded. Nodes whose color says nothing do not count.
+    No unknown node, and no node more than `step` px off the plane of the one SPAN nodes to its
+    left or above it (`halo` nodes around the tile included). Neighbors would not tell a crease,
+    which windows have rounded. Nodes whose color says nothing do not count.
 
     """
     rows, columns = TILE_ROWS + 2 * halo, TILE_COLUMNS + 2 * halo

@@ -330,10 +330,10 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
     Turn evidence into log-odds, standard deviation and the reason why there may be no range.
 
     limits (px): of the disparity. A node whose two columns do not both lie inside the right image,
-    width px, was not seen by its camera. hidden_odds is added to the log-odds of hidden nodes. vague
-    (px): the standard deviation of a plane from which on the colors around a node are too uniform
-    to tell. The standard deviation grows with the distance of the neighbors from the plane: there
-    a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
+    width px, was not seen by its camera. hidden_odds is added to the log-odds of hidden nodes.
+    vague (px): the standard deviation of a plane from which on the colors around a node are too
+    uniform to tell. The standard deviation grows with the distance of the neighbors from the
+    plane: there a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
     it gets a frame of the nearest nodes left and right. reason takes the codes of types.Status.
 
     """
@@ -371,7 +371,8 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
                 code = DARK if (light[x] < dark) & (not bright) else code
                 code = SATURATED if bright else code
                 code = OUTSIDE_IMAGE if outside else code
-                hopeless = (outside | vaguer | unseen | (not inside_limits) | (trusts[x] < -MOST_ODDS)
+                hopeless = (outside | vaguer | unseen | (not inside_limits)
+                            | (trusts[x] < -MOST_ODDS)
                             | ((light[x] < PITCH_DARK) & (not bright)))
                 spreads[x] = spread
                 sums[x] = HOPELESS if hopeless else (
