@@ -333,8 +333,9 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
     width px, was not seen by its camera. hidden_odds is added to the log-odds of hidden nodes.
     vague (px): the standard deviation of a plane from which on the colors around a node are too
     uniform to tell. The standard deviation grows with the distance of the neighbors from the
-    plane: there a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
-    it gets a frame of the nearest nodes left and right. reason takes the codes of types.Status.
+    plane: there a plane is not what the surface is. odds is HOPELESS where no min_confidence lets
+    a range pass; it gets a frame of the nearest nodes left and right. reason takes the codes of
+    types.Status.
 
     """
     too_vague = vague * vague
