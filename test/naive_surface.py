@@ -515,7 +515,7 @@ def find_hidden(planes, trust, rows, columns, width, tolerance):
     return hidden
 
 
-def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, width, limits,
+def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
            saturation, dark, hidden_odds, vague):
     """Return standard deviation, log-odds and the reason for no range, (rows, columns) each."""
     std, odds = np.zeros((2, rows, columns))
@@ -525,7 +525,6 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, w
         apart = BENT * evidence[3, row, column] ** 2
         std[row, column] = math.sqrt(CORRELATED * variance[node] + apart ** 2)
         bright = peak[node] >= saturation
-        unseen = not 0 <= 2 * column - d[node] <= width - 2
         reasons = [
             (Status.OUTSIDE_IMAGE, peak[node] < 0),
             (Status.SATURATED, bright),
@@ -533,13 +532,13 @@ def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, w
             (Status.NO_MATCH, math.isnan(d[node])),
             (Status.AMBIGUOUS, variance[node] > vague ** 2),
             (Status.OUT_OF_RANGE, not limits[0] <= d[node] <= limits[1]),
-            (Status.INCONSISTENT, hidden[node] or unseen),
+            (Status.INCONSISTENT, hidden[node]),
             (Status.AMBIGUOUS, std[row, column] > vague),
             (Status.NO_MATCH, cost[node] > 0.3 * CEILING),
             (Status.IMPLAUSIBLE, True)]
         reason[row, column] = next(code for code, holds in reasons if holds)
         hopeless = (peak[node] < 0 or variance[node] > vague ** 2
-                    or trust[node] < -MOST_ODDS or unseen
+                    or trust[node] < -MOST_ODDS
                     or not limits[0] <= d[node] <= limits[1]
                     or s[node] < PITCH_DARK and not bright)
         odds[row, column] = HOPELESS if hopeless else (
@@ -576,6 +575,8 @@ def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, off
             codes[v, u] = reason[node]
         elif not limits[0] <= value <= limits[1]:
             codes[v, u] = Status.OUT_OF_RANGE
+        elif not 0 <= u - value <= shape[1] - 1:
+            codes[v, u] = Status.INCONSISTENT
         else:
             images[:, v, u] = (value, focal_baseline / (value - offset), std[node],
                                1 / (1 + math.exp(-certainty)))

@@ -582,8 +582,7 @@ def test_every_reason_is_given_and_as_documented():
     s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
     std, odds = np.zeros((2, *SHAPE), F4)
     reason = np.zeros(SHAPE, np.uint8)
-    rest = (2 * COLUMNS, np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS,
-            surface.VAGUE)
+    rest = (np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, surface.VAGUE)
     settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
            odds, reason)
     expected = naive.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS,
@@ -598,6 +597,7 @@ def expanded(size, seed):
     """Return what the kernel and its twin make of random planes for an image of this size."""
     rng = np.random.default_rng(seed)
     shape = planes(seed)
+    shape[0][:, PAD:PAD + 3] = 4  # the first of these pixels lie outside the right image
     std = rng.random(SHAPE).astype(F4)
     odds = rng.choice([HOPELESS, -20, -1, 2, 5], SHAPE).astype(F4)
     odds[np.isnan(shape[0])] = HOPELESS
@@ -617,7 +617,8 @@ def test_planes_are_evaluated_at_every_pixel(beyond):
     (images, codes), expected = expanded((2 * ROWS + beyond, 2 * COLUMNS + beyond), 27)
     np.testing.assert_array_equal(codes, expected[1])
     np.testing.assert_allclose(images, expected[0], rtol=1e-4, atol=1e-4)
-    assert {Status.VALID, Status.OUT_OF_RANGE, Status.NO_MATCH} < set(np.unique(codes))
+    assert {Status.VALID, Status.OUT_OF_RANGE, Status.NO_MATCH, Status.INCONSISTENT} < set(
+        np.unique(codes))
 
 
 def test_a_pixel_beside_a_doubtful_node_is_doubted_more():

@@ -7,7 +7,7 @@ from ._band_kernels import band, banded
 from ._grid_kernels import F4, FAST, NAN, PAD, TILE_COLUMNS
 from ._part_kernels import part
 from ._stack_kernels import stack_row
-from ._trust_kernels import HOPELESS, LEAST_ODDS, MOST_ODDS, OUT_OF_RANGE, VALID
+from ._trust_kernels import HOPELESS, INCONSISTENT, LEAST_ODDS, MOST_ODDS, OUT_OF_RANGE, VALID
 
 OWN_SHARE = F4(0.25)  # of a node in the log-odds of its pixels, beside the interpolated ones
 
@@ -45,13 +45,15 @@ def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline,
 
     Z = focal_baseline / (d - offset). Log-odds of a pixel: OWN_SHARE of its node's, the rest
     bilinear between the nodes around, so that a pixel next to doubtful nodes is doubted more than
-    that on the other side of its node; below least_odds it has no range. Pixels beyond the last
-    whole node take the nearest one. Where there is no range, disparity, depth and out_std are NaN
-    and confidence is 0.
+    that on the other side of its node; below least_odds it has no range. Nor has one whose place
+    lies outside the right image, where its node's may lie inside. Pixels beyond the last whole
+    node take the nearest one. Where there is no range, disparity, depth and out_std are NaN and
+    confidence is 0.
 
     """
     height, width = disparity.shape
     lowest, highest = limits[0], limits[1]
+    last_place = F4(width - 1)
     near, far, shared = F4(0.75), F4(0.25), F4(1) - OWN_SHARE
     first, last = band(k, height)
     mixed = stack_row()
@@ -73,6 +75,7 @@ def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline,
             # an odd last column has no node of its own
             sides = 3 if (right == columns + PAD) & (width > 2 * columns) else 2
             for side in range(sides):
+                first_column = F4(2 * start + side)
                 values, depths, spreads, certainties, codes = odd if side == 1 else even
                 lean_x = F4(0.5) * (F4(side) - F4(0.5))
                 beside = 2 * min(side, 1)  # the neighbor in mixed
@@ -81,8 +84,12 @@ def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline,
                     certainty = OWN_SHARE * bounded(here[x + 1]) + shared * (
                         near * mixed[x + 1] + far * mixed[x + beside])
                     sure = (certainty >= least_odds) & (here[x + 1] > HOPELESS)
-                    valid = sure & (value >= lowest) & (value <= highest)
-                    code = OUT_OF_RANGE if sure else reasons[x]
+                    within = (value >= lowest) & (value <= highest)
+                    place = first_column + F4(2 * x) - value
+                    seen = (place >= F4(0)) & (place <= last_place)
+                    valid = sure & within & seen
+                    code = INCONSISTENT if within else OUT_OF_RANGE
+                    code = code if sure else reasons[x]
                     values[x] = value if valid else NAN
                     depths[x] = focal_baseline / (value - offset) if valid else NAN
                     spreads[x] = noise[x] if valid else NAN

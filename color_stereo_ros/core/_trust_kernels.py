@@ -324,22 +324,19 @@ def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, owners,
 
 
 @banded(fastmath=FAST)
-def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, width, limits,
+def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
            saturation, dark, hidden_odds, vague, std, odds, reason):
     """
     Turn evidence into log-odds, standard deviation and the reason why there may be no range.
 
-    limits (px): of the disparity. A node whose two columns do not both lie inside the right image,
-    width px, was not seen by its camera. hidden_odds is added to the log-odds of hidden nodes.
-    vague (px): the standard deviation of a plane from which on the colors around a node are too
-    uniform to tell. The standard deviation grows with the distance of the neighbors from the
-    plane: there a plane is not what the surface is. odds is HOPELESS where no min_confidence lets
-    a range pass; it gets a frame of the nearest nodes left and right. reason takes the codes of
-    types.Status.
+    limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes. vague
+    (px): the standard deviation of a plane from which on the colors around a node are too uniform
+    to tell. The standard deviation grows with the distance of the neighbors from the plane: there
+    a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
+    it gets a frame of the nearest nodes left and right. reason takes the codes of types.Status.
 
     """
     too_vague = vague * vague
-    last_place = F4(width - 2)
     lowest, highest = limits[0], limits[1]
     first, last = band(k, rows)
     spreads, sums, codes = stack_row(), stack_row(), stack_row()
@@ -359,21 +356,18 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
                 vaguer = noise[x] > too_vague
                 bright = peaks[x] >= saturation
                 outside = peaks[x] < F4(0)
-                place = F4(2 * (start + x)) - dd[x]
-                unseen = (place < F4(0)) | (place > last_place)
                 inside_limits = (dd[x] >= lowest) & (dd[x] <= highest)  # not if NaN
                 # the first reason in the order of looking wins: it is asked for last
                 code = NO_MATCH if fit[x] > F4(0.3) * CEILING else IMPLAUSIBLE
                 code = AMBIGUOUS if spread > vague else code
-                code = INCONSISTENT if is_hidden | unseen else code
+                code = INCONSISTENT if is_hidden else code
                 code = code if inside_limits else OUT_OF_RANGE
                 code = AMBIGUOUS if vaguer else code
                 code = code if dd[x] == dd[x] else NO_MATCH
                 code = DARK if (light[x] < dark) & (not bright) else code
                 code = SATURATED if bright else code
                 code = OUTSIDE_IMAGE if outside else code
-                hopeless = (outside | vaguer | unseen | (not inside_limits)
-                            | (trusts[x] < -MOST_ODDS)
+                hopeless = (outside | vaguer | (not inside_limits) | (trusts[x] < -MOST_ODDS)
                             | ((light[x] < PITCH_DARK) & (not bright)))
                 spreads[x] = spread
                 sums[x] = HOPELESS if hopeless else (

@@ -351,7 +351,7 @@ class SurfaceMethod:
                         SEPARATE, self.hidden, *self.owners)
         color = self.settings.color
         settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust,
-               self.hidden, self.left.peak, self.left.s, *self.nodes, self.geometry.width,
+               self.hidden, self.left.peak, self.left.s, *self.nodes,
                self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
                F4(color.min_signal), HIDDEN_ODDS, self.vague, self.std, self.odds,
                self.reason)
