@@ -352,11 +352,13 @@ def test_propagation_improves_the_surroundings_of_edges(step):
 def test_color_matching_makes_up_for_different_cameras():
     truth = plane(WIDTH, HEIGHT, 25, 0.05)
     crosstalk = np.array([[0.8, 0.2, 0], [0.1, 0.8, 0.1], [0, 0.25, 0.75]])
-    rng = np.random.default_rng(7)
-    pair = (exposed(photographed(-truth), rng),
-            exposed(photographed(0 * truth) @ crosstalk.T, rng))
-    medians = [np.median(np.abs(errors(sensor(matching__color_matching=on).process(*pair),
-                                       truth)[0])) for on in (False, True)]
+    medians = np.zeros(2)
+    for seed in (7, 8, 9):  # of the noise, which counts for as much as the colors
+        rng = np.random.default_rng(seed)
+        pair = (exposed(photographed(-truth), rng),
+                exposed(photographed(0 * truth) @ crosstalk.T, rng))
+        medians += [np.median(np.abs(errors(sensor(matching__color_matching=on).process(*pair),
+                                            truth)[0])) for on in (False, True)]
     assert medians[1] < 0.9 * medians[0]
 
 
