@@ -35,7 +35,7 @@ floor:  ## run all tests on the oldest versions that are supported, Ubuntu 24.04
 
 tables:  ## make the tables in README and docs anew from the code
 	@.ci/setup ros,tools
-	@$(PYTHON_RUN) -m color_stereo_ros.tools.tables
+	@$(PYTHON_RUN) -m color_stereo_ros.cli.tables
 
 clean:  ## remove everything that the other targets made
 	rm -rf .venv .venv-floor build install log demo_output evaluation_output bench_output \

@@ -47,6 +47,6 @@ setup(
         f'lifecycle_range_node = {NAME}.nodes.lifecycle_range_node:main',
         f'pattern_node = {NAME}.nodes.pattern_node:main',
         f'sim_rig_node = {NAME}.nodes.sim_rig_node:main',
-        f'color_stereo = {NAME}.tools.cli:main',
+        f'color_stereo = {NAME}.cli.main:main',
     ]},
 )

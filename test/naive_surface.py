@@ -9,18 +9,18 @@ helpers without a twin of their own name are part of these. Twins return what th
 
 import math
 
-from color_stereo_ros.core import _grid_kernels
-from color_stereo_ros.core._coarse_kernels import AGREEMENT, REPETITION
-from color_stereo_ros.core._grid_kernels import JITTER, PAD, TILE_COLUMNS, TILE_ROWS
-from color_stereo_ros.core._neighbor_kernels import HALO
-from color_stereo_ros.core._pixel_kernels import bounded, OWN_SHARE
-from color_stereo_ros.core._plane_kernels import LEAST_WEIGHT, RADIUS, SPAN
-from color_stereo_ros.core._trust_kernels import (
+from color_stereo_ros.core.status import Status
+from color_stereo_ros.core.surface import grid_kernels
+from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, REPETITION
+from color_stereo_ros.core.surface.grid_kernels import JITTER, PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.neighbor_kernels import HALO
+from color_stereo_ros.core.surface.pixel_kernels import bounded, OWN_SHARE
+from color_stereo_ros.core.surface.plane_kernels import LEAST_WEIGHT, RADIUS, SPAN
+from color_stereo_ros.core.surface.trust_kernels import (
     BENT, CORRELATED, HOPELESS, ISLAND, MOST_ODDS, MURK, PITCH_DARK, UNKNOWN, WHOLE)
-from color_stereo_ros.core.types import Status
 import numpy as np
 
-FLAT, CEILING = float(_grid_kernels.FLAT), float(_grid_kernels.CEILING)
+FLAT, CEILING = float(grid_kernels.FLAT), float(grid_kernels.CEILING)
 WINDOW = [(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)]
 CROSS = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)]
 

@@ -3,8 +3,8 @@
 
 from functools import lru_cache
 
-from color_stereo_ros.core import (CameraModel, make_pattern, PatternSettings, Settings,
-                                   StereoCalibration)
+from color_stereo_ros.core import (
+    CameraModel, make_pattern, PatternSettings, Settings, StereoCalibration)
 import cv2
 import numpy as np
 

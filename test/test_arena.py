@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Buffers beside each other in one block."""
 
-from color_stereo_ros.core._arena import ALIGNMENT, Arena, BLOCK
+from color_stereo_ros.core.compiled.arena import ALIGNMENT, Arena, BLOCK
 import numpy as np
 import pytest
 

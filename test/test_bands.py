@@ -6,8 +6,8 @@ from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core import _color_kernels, _trust_kernels
-from color_stereo_ros.core._band_kernels import _STAMP, band, banded, BANDS
+from color_stereo_ros.core.compiled.bands import _STAMP, band, banded, BANDS
+from color_stereo_ros.core.surface import trust_kernels, view_kernels
 import numba
 import numpy as np
 import pytest
@@ -90,7 +90,7 @@ def test_names_and_documentation_of_the_function_are_kept():
 
 
 def test_no_kernel_stays_in_the_cache_when_a_file_changes_of_which_it_contains_something():
-    for kernel in (_color_kernels.channel_levels, _color_kernels.add_color_sums,
-                   _trust_kernels.brightness_balance, _trust_kernels.remove_islands,
-                   _color_kernels.box_sums, mark):
+    for kernel in (view_kernels.channel_levels, view_kernels.add_color_sums,
+                   trust_kernels.brightness_balance, trust_kernels.remove_islands,
+                   view_kernels.box_sums, mark):
         assert kernel.py_func.__qualname__.endswith(_STAMP)

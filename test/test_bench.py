@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import color_stereo_ros
+from color_stereo_ros.bench.report import (
+    GOALS, goal_rows, goal_table, node_table, plain, stage_table, start_table, TABLES, with_tables)
+from color_stereo_ros.bench.scene import bench_calibration, bench_pair, bench_settings
+from color_stereo_ros.bench.times import (
+    all_contenders, Contender, interleaved, summary, thread_counts)
+from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ColorStereo, Status
 from color_stereo_ros.core.triangulation import disparity_limits, search_interval
-from color_stereo_ros.tools import cli
-from color_stereo_ros.tools.bench_report import (GOALS, goal_rows, goal_table, node_table, plain,
-                                                 stage_table, start_table, TABLES, with_tables)
-from color_stereo_ros.tools.bench_scene import bench_calibration, bench_pair, bench_settings
-from color_stereo_ros.tools.bench_times import (all_contenders, Contender, interleaved, summary,
-                                                thread_counts)
 
 SMALL = 320, 240
 ROOT = Path(__file__).resolve().parents[1]
@@ -142,7 +142,7 @@ def test_processes_take_times_of_both_methods_and_of_opencv(tmp_path):
 CACHE_CODE = '''
 import numpy as np
 import color_stereo_ros
-from color_stereo_ros.core._color_kernels import box_sums
+from color_stereo_ros.core.surface.view_kernels import box_sums
 pixels = np.zeros((4, 4), np.uint32)
 box_sums(pixels, np.empty((4, 4), np.uint32))
 stats = box_sums.stats

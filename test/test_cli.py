@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-from color_stereo_ros.core import (CalibrationError, ImageError, make_pattern, RecordingError,
-                                   Settings, SettingsError)
-from color_stereo_ros.core.settings import flat
-from color_stereo_ros.core.settings_file import read_settings, settings_text
-from color_stereo_ros.tools import cli
-from color_stereo_ros.tools.files import write_image, write_text, written_whole
+from color_stereo_ros.cli import main as cli
+from color_stereo_ros.core import (
+    CalibrationError, ImageError, make_pattern, RecordingError, Settings, SettingsError)
+from color_stereo_ros.core.settings.groups import flat
+from color_stereo_ros.files.atomic import write_image, write_text, written_whole
+from color_stereo_ros.parameters.files import read_settings, settings_text
 
 
 @pytest.fixture
@@ -122,7 +122,7 @@ def test_an_interrupt_ends_with_status_130(failing):
 
 
 def test_a_closed_pipe_is_no_error():
-    command = f'{sys.executable} -m color_stereo_ros.tools.cli settings | head -n 1'
+    command = f'{sys.executable} -m color_stereo_ros.cli.main settings | head -n 1'
     ran = subprocess.run(['bash', '-o', 'pipefail', '-c', command], capture_output=True, text=True)
     assert ran.stdout.startswith('pattern.type = ')
     assert ran.stderr == ''

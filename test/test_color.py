@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Color correction: its kernels against their formulas, and what it makes of known cameras."""
 
-from color_stereo_ros.core import _kernels, ColorSettings, Status
-from color_stereo_ros.core.color import (brightness_samples, ColorCorrection,
-                                         equal_brightness_gains, estimated_dark_level, smoothed,
-                                         split_gains)
-from color_stereo_ros.core.pattern import constant_sum_colors
-from color_stereo_ros.core.types import RectifiedGeometry, RectifiedPair
+from color_stereo_ros.core import ColorSettings, Status
+from color_stereo_ros.core.cameras.geometry import RectifiedGeometry, RectifiedPair
+from color_stereo_ros.core.paper import kernels
+from color_stereo_ros.core.paper.color import (
+    brightness_samples, ColorCorrection, equal_brightness_gains, estimated_dark_level, smoothed,
+    split_gains)
+from color_stereo_ros.core.patterns.making import constant_sum_colors
 import naive
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def test_correction_agrees_with_the_formulas(zero_weakest, target):
     inside = rng.random((9, 11)) > 0.1
     dark, gains = np.array([2.0, 3.0, 1.0], np.float32), np.array([1.0, 1.2, 2.0], np.float32)
     colors, reason = np.empty((9, 11, 4), np.float32), np.empty((9, 11), np.uint8)
-    _kernels.correct_colors(image, inside, dark, gains, np.float32(4.0), 250, zero_weakest,
+    kernels.correct_colors(image, inside, dark, gains, np.float32(4.0), 250, zero_weakest,
                             np.float32(target), colors, reason)
     expected, expected_reason = naive.correct_colors(image, inside, dark, gains, 4.0, 250,
                                                      zero_weakest, target)
@@ -60,7 +61,7 @@ def test_averages_of_spots_agree_with_the_formulas():
     inside[12, 3] = False
     dark = np.array([1.0, 2.0, 3.0], np.float32)
     colors, lit = np.empty((4, 6, 3), np.float32), np.empty((4, 6), bool)
-    _kernels.average_spots(image, inside, dark, np.float32(4.0), 250, 5, 3, colors, lit)
+    kernels.average_spots(image, inside, dark, np.float32(4.0), 250, 5, 3, colors, lit)
     expected, expected_lit = naive.average_spots(image, inside, dark, 4.0, 250, 5, 3)
     np.testing.assert_array_equal(lit, expected_lit)
     np.testing.assert_allclose(colors, expected, rtol=1e-5, atol=1e-4)
@@ -72,7 +73,7 @@ def test_reasons_are_the_status_codes():
     inside = np.array([[True, True, True, False]])
     colors, reason = np.empty((1, 4, 4), np.float32), np.empty((1, 4), np.uint8)
     zero, one = np.zeros(3, np.float32), np.ones(3, np.float32)
-    _kernels.correct_colors(image, inside, zero, one, np.float32(4.0), 254, True,
+    kernels.correct_colors(image, inside, zero, one, np.float32(4.0), 254, True,
                             np.float32(255.0), colors, reason)
     assert reason[0].tolist() == [Status.VALID, Status.DARK, Status.SATURATED,
                                   Status.OUTSIDE_IMAGE]

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Damaged files end in one clear line with name and reason, and nothing else reaches the user."""
 
+from pathlib import Path
 import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from scenes import SCENES
 
+from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ImageError, RecordingError
-from color_stereo_ros.core.image_file import read_image
-from color_stereo_ros.tools import cli
+from color_stereo_ros.files.image import read_image
 
 FLAT = SCENES / 'flat_350_hue1'
 SAMPLE = Path(__file__).resolve().parents[1] / 'sample/solids_hue1/recording'

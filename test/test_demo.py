@@ -7,10 +7,10 @@ import signal
 import subprocess
 import sys
 
-from color_stereo_ros.core.settings_file import settings_text
-from color_stereo_ros.tools import cli
-from color_stereo_ros.tools.files import write_image
-from color_stereo_ros.tools.recording import Recording, write_recording
+from color_stereo_ros.cli import main as cli
+from color_stereo_ros.files.atomic import write_image
+from color_stereo_ros.parameters.files import settings_text
+from color_stereo_ros.recordings.recording import Recording, write_recording
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 from stereo_msgs.msg import DisparityImage
 
-COMMAND = [sys.executable, '-m', 'color_stereo_ros.tools.cli']
+COMMAND = [sys.executable, '-m', 'color_stereo_ros.cli.main']
 SECOND = 1_000_000_000
 OUTPUTS = {'points': PointCloud2, 'depth/image': Image, 'depth/camera_info': CameraInfo,
            'disparity': DisparityImage, 'confidence/image': Image, 'depth_std/image': Image,

@@ -7,7 +7,7 @@ from scenes import SCENES
 
 from color_stereo_ros.core import RangeSettings, RectifiedGeometry, RectifiedPair, SettingsError
 from color_stereo_ros.core import Settings, Status
-from color_stereo_ros.core._plane_kernels import WIDE_RADIUS
+from color_stereo_ros.core.surface.plane_kernels import WIDE_RADIUS
 from color_stereo_ros.evaluation import ablation, datasets, methods, opencv_matchers
 from color_stereo_ros.evaluation.metrics import accuracy
 

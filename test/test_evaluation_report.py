@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scenes import SCENES
 
+from color_stereo_ros.cli import evaluate
 from color_stereo_ros.core import PatternSettings
 from color_stereo_ros.evaluation import datasets, experiments, report
 from color_stereo_ros.evaluation.numbers import write_json
-from color_stereo_ros.tools import evaluate
 
 LIMITS = {'range.min_depth': 0.22, 'range.max_depth': 0.62}
 PLAN = experiments.Plan(distances=(350,), materials=('white_cardboard',), complex=('prism',),
@@ -140,7 +140,7 @@ def test_widening_the_search_range_widens_the_disparities():
 def test_folders_are_evaluated_from_the_command_line(tmp_path, capsys):
     args = ['evaluate', str(SCENES / 'flat_350_hue1'), '--methods', 'paper,bm', '--depth', '0.22',
             '0.62', '--json', str(tmp_path / 'figures.json'), '--repeats', '1']
-    from color_stereo_ros.tools.cli import main
+    from color_stereo_ros.cli.main import main
     assert main(args) == 0
     lines = capsys.readouterr().out.splitlines()
     assert 'flat_350_hue1: 0.22 .. 0.62 m (given)' in lines[1]
@@ -153,7 +153,7 @@ def test_folders_are_evaluated_from_the_command_line(tmp_path, capsys):
     (['--methods', 'papr'], "did you mean 'paper'"), (['--set', 'range.min_depth'],
                                                       'is no NAME=VALUE')])
 def test_wrong_arguments_are_one_line(words, message, capsys):
-    from color_stereo_ros.tools.cli import main
+    from color_stereo_ros.cli.main import main
     assert main(['evaluate', str(SCENES / 'flat_350_hue1'), *words]) == 2
     assert message in capsys.readouterr().err
 

@@ -2,7 +2,7 @@
 """The false-color picture of the paper's fig. 3.5."""
 
 from color_stereo_ros.core.false_color import false_color, scale_bar_width
-from color_stereo_ros.core.types import SettingsError
+from color_stereo_ros.errors import SettingsError
 
 import numpy as np
 

@@ -5,8 +5,11 @@ from array import array
 import dataclasses
 import struct
 
-from color_stereo_ros.core.types import ImageError, RangeResult, RectifiedGeometry, Status
-from color_stereo_ros.nodes import messages
+from color_stereo_ros.core.cameras.geometry import RectifiedGeometry
+from color_stereo_ros.core.results import RangeResult
+from color_stereo_ros.core.status import Status
+from color_stereo_ros.errors import ImageError
+from color_stereo_ros.messages import images as messages
 
 import numpy as np
 

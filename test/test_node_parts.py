@@ -11,16 +11,16 @@ import threading
 from xml.etree import ElementTree
 
 from color_stereo_ros.core import RecordingError, Settings
-from color_stereo_ros.nodes import cloud_files, worker as worker_module
-from color_stereo_ros.nodes.calibration_watch import CalibrationWatch
-from color_stereo_ros.nodes.cloud_files import save_cloud
+from color_stereo_ros.files import cloud as cloud_files
+from color_stereo_ros.files.cloud import save_cloud
+from color_stereo_ros.messages.calibration_watch import CalibrationWatch
+from color_stereo_ros.messages.synchronizer import Pair
 from color_stereo_ros.nodes.complaints import Complaints
-from color_stereo_ros.nodes.environment import (defaults, fast_dds_is_known, LOCAL_PROFILE,
-                                               PROFILE)
-from color_stereo_ros.nodes.outputs import Outputs
+from color_stereo_ros.nodes.environment import defaults, fast_dds_is_known, LOCAL_PROFILE, PROFILE
 from color_stereo_ros.nodes.parameters import RangeNodeSettings
-from color_stereo_ros.nodes.synchroniser import Pair
-from color_stereo_ros.nodes.worker import Setup, Worker
+from color_stereo_ros.nodes.sensor import worker as worker_module
+from color_stereo_ros.nodes.sensor.outputs import Outputs
+from color_stereo_ros.nodes.sensor.worker import Setup, Worker
 
 import numpy as np
 
@@ -357,15 +357,16 @@ def test_a_system_that_allows_no_further_process_costs_the_helper_only(monkeypat
 def test_the_helper_goes_through_all_stages():
     """Without the compiler: that takes a second instead of half a minute."""
     environment = {**os.environ, 'NUMBA_DISABLE_JIT': '1'}
-    subprocess.run([sys.executable, '-m', 'color_stereo_ros.core.warm_up'], check=True,
+    subprocess.run([sys.executable, '-m', 'color_stereo_ros.core.surface.warm_up'], check=True,
                    env=environment, cwd=Path(__file__).parents[1])
 
 
 WARM = """
-from color_stereo_ros.core import coarse_search, ColorStereo, half_grid, surface
-from color_stereo_ros.core.warm_up import some_calibration
+from color_stereo_ros.core import ColorStereo
+from color_stereo_ros.core.surface import coarse, method, views
+from color_stereo_ros.core.surface.warm_up import some_calibration
 ColorStereo(some_calibration())
-for module in (coarse_search, half_grid, surface):
+for module in (coarse, views, method):
     for name, kernel in vars(module).items():
         if hasattr(kernel, 'signatures'):
             assert kernel.signatures, name

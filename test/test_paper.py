@@ -7,10 +7,11 @@ from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core import _kernels, ColorStereo, Status
-from color_stereo_ros.core.paper import independent_pixels, PaperMatcher, surrounding_median
-from color_stereo_ros.core.pattern import constant_sum_colors
-from color_stereo_ros.core.types import RectifiedGeometry
+from color_stereo_ros.core import ColorStereo, Status
+from color_stereo_ros.core.cameras.geometry import RectifiedGeometry
+from color_stereo_ros.core.paper import kernels
+from color_stereo_ros.core.paper.method import independent_pixels, PaperMatcher, surrounding_median
+from color_stereo_ros.core.patterns.making import constant_sum_colors
 import naive
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def compiled_search(left, right, reach_x, reach_y, low, high, first=FIRST, count
     geometry = RectifiedGeometry(width, height, 80.0, 80.0, 10.0, 10.0, 3.0, 0.1)
     matcher = PaperMatcher(settings, geometry, (first + 1, first + count - 2))
     buffers = matcher._buffers
-    _kernels.search(left, right, first, count, reach_x, reach_y, low, high, buffers.ring,
+    kernels.search(left, right, first, count, reach_x, reach_y, low, high, buffers.ring,
                     buffers.sums, buffers.total, buffers.ratios, buffers.right_cost,
                     buffers.right_index, buffers.winner, buffers.costs)
     return buffers.winner, buffers.costs
@@ -59,7 +60,7 @@ def assert_equal_costs(winner, costs, expected, reach_x, reach_y):
     """Assert equality to the rounding of each pixel's cost and of its ratios."""
     pixels = (2 * reach_x + 1) * (2 * reach_y + 1)
     compared = (winner[..., :1] >= 0) & np.isfinite(expected)
-    compared &= costs < _kernels.PADDING_COST
+    compared &= costs < kernels.PADDING_COST
     np.testing.assert_allclose(costs[compared], expected[compared], rtol=1e-5, atol=0.6 * pixels)
 
 
@@ -92,7 +93,7 @@ def test_judging_agrees_with_the_formulas(subpixel):
     disparity, deviation, confidence = np.empty((3, HEIGHT, WIDTH), np.float32)
     status = np.empty((HEIGHT, WIDTH), np.uint8)
     code = {'none': 0, 'parabola': 1, 'weighted': 2}[subpixel]
-    _kernels.judge(winner, costs, reason, right, FIRST, COUNT, low, high, 4.0, 2.0, code, 1.5,
+    kernels.judge(winner, costs, reason, right, FIRST, COUNT, low, high, 4.0, 2.0, code, 1.5,
                    -100.0, 100.0, disparity, deviation, confidence, status)
     for y in range(HEIGHT):
         for x in range(WIDTH):
@@ -300,4 +301,4 @@ def test_kernels_give_the_same_without_the_compiler(tmp_path):
 @pytest.mark.parametrize('deviation', [0.05, 0.3, 1.0, 2.5, 20.0])
 def test_confidence_without_a_rival_is_the_normal_probability(deviation):
     expected = math.erf(math.sqrt(0.5) / deviation)
-    assert _kernels._within_one_pixel(np.float32(deviation)) == pytest.approx(expected, abs=6e-4)
+    assert kernels._within_one_pixel(np.float32(deviation)) == pytest.approx(expected, abs=6e-4)

@@ -3,7 +3,7 @@
 
 import threading
 
-from color_stereo_ros.tools.patience import patience
+from color_stereo_ros.patience import patience
 
 
 def test_a_long_wait_is_explained_and_its_end_is_told(capsys):

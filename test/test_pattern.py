@@ -2,8 +2,8 @@
 """The patterns have the properties that the paper and their names promise."""
 
 from color_stereo_ros.core import make_pattern, PatternSettings, SettingsError
-from color_stereo_ros.core.pattern import GENERATORS, repeated_neighborhoods
-from color_stereo_ros.core.settings import PATTERN_TYPES
+from color_stereo_ros.core.patterns.making import GENERATORS, repeated_neighborhoods
+from color_stereo_ros.core.settings.groups import PATTERN_TYPES
 import numpy as np
 import pytest
 

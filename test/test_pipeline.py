@@ -3,8 +3,8 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
-from color_stereo_ros.core import (CalibrationError, ColorStereo, Settings, SettingsError, Status,
-                                   StereoCalibration)
+from color_stereo_ros.core import (
+    CalibrationError, ColorStereo, Settings, SettingsError, Status, StereoCalibration)
 from color_stereo_ros.core.triangulation import disparity_from_depth
 import numpy as np
 import pytest

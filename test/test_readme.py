@@ -9,9 +9,9 @@ import subprocess
 
 import pytest
 
+from color_stereo_ros.cli import main as cli
+from color_stereo_ros.cli.tables import TABLES, documents, with_tables
 from color_stereo_ros.core import ColorStereoError
-from color_stereo_ros.tools import cli
-from color_stereo_ros.tools.tables import TABLES, documents, with_tables
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / 'README.md').read_text()

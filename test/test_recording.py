@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import RecordingError, StereoCalibration
-from color_stereo_ros.core.calibration import CameraModel
-from color_stereo_ros.nodes.messages import image_to_rgb, stamp_ns
-from color_stereo_ros.tools import cli
-from color_stereo_ros.tools.files import write_image
-from color_stereo_ros.tools.recording import CAMERA_INFO, IMAGE, Recording, write_recording
+from color_stereo_ros.core.cameras.calibration import CameraModel
+from color_stereo_ros.files.atomic import write_image
+from color_stereo_ros.messages.images import image_to_rgb, stamp_ns
+from color_stereo_ros.recordings.recording import CAMERA_INFO, IMAGE, Recording, write_recording
 
 SAMPLE = Path(__file__).resolve().parents[1] / 'sample'
 SECOND = 1_000_000_000

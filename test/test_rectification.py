@@ -4,8 +4,8 @@
 from dataclasses import replace
 
 from color_stereo_ros.core import ColorStereo, ImageError, StereoCalibration
-from color_stereo_ros.core.rectification import (FAR_OUTSIDE, inside_image, raw_coordinates,
-                                                 Rectifier)
+from color_stereo_ros.core.cameras.rectification import (
+    FAR_OUTSIDE, inside_image, raw_coordinates, Rectifier)
 import cv2
 import numpy as np
 import pytest

@@ -3,9 +3,9 @@
 
 import dataclasses
 
-from color_stereo_ros.core import (ColorSettings, MatchingSettings, PatternSettings,
-                                   RangeSettings, Settings, SettingsError)
-from color_stereo_ros.core.settings import described, suggestion
+from color_stereo_ros.core import (
+    ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings, SettingsError)
+from color_stereo_ros.core.settings.groups import described, suggestion
 import numpy as np
 import pytest
 

@@ -5,10 +5,10 @@ import cv2
 
 from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig, smooth_pattern, uniform
 
-from color_stereo_ros.core.types import ImageError
+from color_stereo_ros.errors import ImageError
 from color_stereo_ros.sim import Renderer
 from color_stereo_ros.sim.materials import MATERIALS, texture_image
-from color_stereo_ros.sim.projection import (pattern_light, pattern_stack, projector_coordinates)
+from color_stereo_ros.sim.projection import pattern_light, pattern_stack, projector_coordinates
 from color_stereo_ros.sim.transport import _averaged, _render, pixel_index, View
 
 import numpy as np

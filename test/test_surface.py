@@ -4,13 +4,13 @@
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
-from color_stereo_ros.core import (
-    CameraModel, ColorStereo, half_grid, Settings, Status, StereoCalibration, surface)
-from color_stereo_ros.core._arena import Arena
-from color_stereo_ros.core._grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
-from color_stereo_ros.core.coarse_search import CoarseSearch
-from color_stereo_ros.core.prior import Prior
-from color_stereo_ros.core.rectification import raw_coordinates
+from color_stereo_ros.core import CameraModel, ColorStereo, Settings, Status, StereoCalibration
+from color_stereo_ros.core.cameras.rectification import raw_coordinates
+from color_stereo_ros.core.compiled.arena import Arena
+from color_stereo_ros.core.patterns.expectation import Prior
+from color_stereo_ros.core.surface import method as surface, views as half_grid
+from color_stereo_ros.core.surface.coarse import CoarseSearch
+from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
 import numba
 import numpy as np
 import pytest

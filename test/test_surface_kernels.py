@@ -14,25 +14,26 @@ from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core import Settings, Status, surface
-from color_stereo_ros.core._arena import Arena
-from color_stereo_ros.core._band_kernels import band, BANDS
-from color_stereo_ros.core._coarse_kernels import (
+from color_stereo_ros.core import Settings, Status
+from color_stereo_ros.core.compiled.arena import Arena
+from color_stereo_ros.core.compiled.bands import band, BANDS
+from color_stereo_ros.core.compiled.stack import LENGTH
+from color_stereo_ros.core.patterns.expectation import Prior
+from color_stereo_ros.core.surface import method as surface
+from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
+from color_stereo_ros.core.surface.coarse_kernels import (
     add_turned, GUARD, reduce_colors, seed_planes, winners)
-from color_stereo_ros.core._color_kernels import (
-    add_color_sums, box_sums, channel_levels, sample_colors)
-from color_stereo_ros.core._grid_kernels import CEILING, FLAT, PAD, TILE_COLUMNS, TILE_ROWS
-from color_stereo_ros.core._neighbor_kernels import HALO, MARGIN, propagate
-from color_stereo_ros.core._pixel_kernels import expand
-from color_stereo_ros.core._plane_kernels import (
+from color_stereo_ros.core.surface.grid_kernels import CEILING, FLAT, PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.neighbor_kernels import HALO, MARGIN, propagate
+from color_stereo_ros.core.surface.pixel_kernels import expand
+from color_stereo_ros.core.surface.plane_kernels import (
     find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
-from color_stereo_ros.core._stack_kernels import LENGTH
-from color_stereo_ros.core._trust_kernels import (
-    brightness_balance, find_hidden, HOPELESS, ISLAND, join_nodes, judge, remove_islands,
-    root_of, settle, UNKNOWN)
-from color_stereo_ros.core.coarse_search import CoarseSearch, half_way
-from color_stereo_ros.core.half_grid import DARKEST, NOISE, SOFT
-from color_stereo_ros.core.prior import Prior
+from color_stereo_ros.core.surface.trust_kernels import (
+    brightness_balance, find_hidden, HOPELESS, ISLAND, join_nodes, judge, remove_islands, root_of,
+    settle, UNKNOWN)
+from color_stereo_ros.core.surface.view_kernels import (
+    add_color_sums, box_sums, channel_levels, sample_colors)
+from color_stereo_ros.core.surface.views import DARKEST, NOISE, SOFT
 import naive_surface as naive
 import numpy as np
 import pytest

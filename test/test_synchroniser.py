@@ -3,7 +3,7 @@
 
 import threading
 
-from color_stereo_ros.nodes.synchroniser import LatestSlot, Synchronizer
+from color_stereo_ros.messages.synchronizer import LatestSlot, Synchronizer
 
 import pytest
 

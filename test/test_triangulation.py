@@ -4,10 +4,10 @@
 from dataclasses import replace
 
 from color_stereo_ros.core import RangeSettings, SettingsError
+from color_stereo_ros.core.cameras.geometry import RectifiedGeometry
 from color_stereo_ros.core.triangulation import (
     depth_from_disparity, disparity_from_depth, disparity_limits, points_from_depth,
     search_interval)
-from color_stereo_ros.core.types import RectifiedGeometry
 import numpy as np
 import pytest
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Status codes, errors and results."""
 
-from color_stereo_ros.core import (CalibrationError, ColorStereoError, ImageError, RangeResult,
-                                   RecordingError, RectifiedGeometry, SettingsError, Status)
+from color_stereo_ros.core import (
+    CalibrationError, ColorStereoError, ImageError, RangeResult, RecordingError, RectifiedGeometry,
+    SettingsError, Status)
 import numpy as np
 import pytest
 

@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The core library: calibrated color pairs in, range images out. It knows nothing of ROS."""
+"""The core library: calibrated color pairs in, range images out. It needs no ROS."""
 
-from . import _threads  # noqa: F401, before any kernel starts numba's threads
-from .calibration import CameraModel, StereoCalibration
-from .pattern import make_pattern
+from .compiled import threads  # noqa: F401, before any kernel starts numba's threads
+
+from ..errors import CalibrationError, ColorStereoError, ImageError, RecordingError, SettingsError
+from .cameras.calibration import CameraModel, StereoCalibration
+from .cameras.geometry import RectifiedGeometry, RectifiedPair
+from .patterns.making import make_pattern
 from .pipeline import ColorStereo
-from .settings import (ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings)
-from .types import (CalibrationError, ColorStereoError, ImageError, RangeResult, RecordingError,
-                    RectifiedGeometry, RectifiedPair, SettingsError, Status)
+from .results import RangeResult
+from .settings.groups import (
+    ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings)
+from .status import Status
 
 __all__ = [
     'CalibrationError', 'CameraModel', 'ColorSettings', 'ColorStereo', 'ColorStereoError',

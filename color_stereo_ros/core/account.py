@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from .types import Status
+from .status import Status
 
 FEW = 0.05
 """Below this share of pixels with a range something is wrong."""

@@ -6,7 +6,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from .types import SettingsError
+from ..errors import SettingsError
 
 _NEAR_HUE, _FAR_HUE = 285.0, 28.0  # degrees: purple .. orange
 _BAR_WIDTH = 14

@@ -7,11 +7,12 @@ from time import perf_counter
 
 import numpy as np
 
-from .matching import make_method
-from .rectification import Rectifier
-from .settings import Settings
+from ..errors import CalibrationError, SettingsError
+from .cameras.rectification import Rectifier
+from .methods import make_method
+from .results import RangeResult
+from .settings.groups import Settings
 from .triangulation import disparity_limits
-from .types import CalibrationError, RangeResult, SettingsError
 
 # The kernels own their buffers and numba's threading layers do not all allow parallel calls.
 KERNELS = Lock()

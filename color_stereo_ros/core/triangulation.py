@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .types import SettingsError
+from ..errors import SettingsError
 
 
 def depth_from_disparity(disparity, geometry):

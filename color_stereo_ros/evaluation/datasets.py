@@ -19,9 +19,9 @@ import numpy as np
 import yaml
 
 from ..core import ColorStereoError, ImageError, RecordingError, Settings, StereoCalibration
-from ..core.image_file import read_image
-from ..core.settings_file import read_settings, settings_text
-from ..core.yaml_file import load_yaml, UnreadableError
+from ..files.image import read_image
+from ..files.yaml import load_yaml, UnreadableError
+from ..parameters.files import read_settings, settings_text
 from .metrics import Truth
 from .noise_limit import CameraNoise
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core import ColorStereoError, PatternSettings
-from ..core.color import ColorCorrection
 from ..core.false_color import false_color
+from ..core.paper.color import ColorCorrection
 from ..core.triangulation import disparity_from_depth
 from .methods import evaluate
 from .renders import as_scene, default_pattern, paper_pattern

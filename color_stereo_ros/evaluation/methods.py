@@ -6,9 +6,9 @@ import time
 
 from ..core import ColorStereo, MatchingSettings, RangeResult, RectifiedPair, Settings
 from ..core import SettingsError
-from ..core._plane_kernels import WIDE_RADIUS
-from ..core.rectification import Rectifier
-from ..core.settings import suggestion
+from ..core.cameras.rectification import Rectifier
+from ..core.settings.groups import suggestion
+from ..core.surface.plane_kernels import WIDE_RADIUS
 from . import opencv_matchers
 from .metrics import measure
 from .noise_limit import compare, measured_noise, noise_limit, Window

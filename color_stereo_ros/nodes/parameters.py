@@ -15,9 +15,9 @@ from rcl_interfaces.msg import (FloatingPointRange, IntegerRange, ParameterDescr
                                 SetParametersResult)
 from rclpy.parameter import Parameter
 
-from ..core.settings import (described, flat, Group, PatternSettings, setting, Settings,
-                             suggestion, updated)
-from ..core.types import ColorStereoError
+from ..core.settings.groups import (
+    described, flat, Group, PatternSettings, setting, Settings, suggestion, updated)
+from ..errors import ColorStereoError
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from sensor_msgs.msg import Image
 
 from std_msgs.msg import Header, String
 
-from ..core.pattern import make_pattern
-from ..core.types import SettingsError
-from .messages import image_message
+from ..core.patterns.making import make_pattern
+from ..errors import SettingsError
+from ..messages.images import image_message
 from .parameters import NodeParameters, PatternNodeSettings
 
 FRAME = 'projector_optical_frame'

@@ -6,7 +6,7 @@ from .run import run
 
 def make_node():
     """Return the node; what it needs is imported here, where Ctrl-C is handled already."""
-    from .range_node_class import RangeNode
+    from .sensor.node import RangeNode
     return RangeNode()
 
 

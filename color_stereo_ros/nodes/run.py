@@ -50,7 +50,7 @@ def _run(make_node, args, stop):
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    from ..core.types import ColorStereoError
+    from ..errors import ColorStereoError
 
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)

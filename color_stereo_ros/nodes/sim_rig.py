@@ -21,14 +21,14 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from std_msgs.msg import Header
 
-from ..core.settings import Group, setting
-from ..core.types import ColorStereoError
+from ..core.settings.groups import Group, setting
+from ..errors import ColorStereoError
+from ..messages.images import image_message, image_to_rgb
+from ..messages.synchronizer import LatestSlot
 from ..sim import load_scene, Renderer
 from ..sim.electronics import expose, exposures_for
-from .messages import image_message, image_to_rgb
 from .parameters import NodeParameters
 from .pattern_source import latched
-from .synchroniser import LatestSlot
 
 PATIENCE = 2.0  # s that the end of the node waits for the renderer
 

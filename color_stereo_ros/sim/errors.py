@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The errors of the simulated rig."""
 
-from color_stereo_ros.core.types import ColorStereoError, SettingsError
+from color_stereo_ros.errors import ColorStereoError, SettingsError
 
 
 class SceneError(SettingsError):

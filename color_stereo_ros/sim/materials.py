@@ -116,7 +116,7 @@ def _ink(texture):
     """Return how much ink covers each texel, 0..1, shape (S, S) or (S, S, 3)."""
     import cv2
 
-    from color_stereo_ros.core.image_file import read_image
+    from color_stereo_ros.files.image import read_image
     pattern, scale = texture['pattern'], texture.get('scale', 24.0)
     generator = np.random.default_rng(texture.get('seed', 1))
     y, x = np.mgrid[0:TEXTURE_SIZE, 0:TEXTURE_SIZE] / TEXTURE_SIZE

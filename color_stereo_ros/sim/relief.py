@@ -63,7 +63,7 @@ def _from_file(form, resolution):
     """Return the heights of an image (white = `height`) or of a .npy array in m."""
     import cv2
 
-    from color_stereo_ros.core.image_file import read_image_as_is
+    from color_stereo_ros.files.image import read_image_as_is
     if Path(form['file']).suffix == '.npy':
         heights = _array(form['file'])
     else:

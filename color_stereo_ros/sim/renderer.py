@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from color_stereo_ros.core.calibration import StereoCalibration
-from color_stereo_ros.core.types import ImageError
+from color_stereo_ros.core.cameras.calibration import StereoCalibration
+from color_stereo_ros.errors import ImageError
 
 from .electronics import expose, exposures_for
 from .transport import direct_image, DirectLight, indirect_image, sample_direct, World

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from color_stereo_ros.core.calibration import DISTORTION_LENGTHS, StereoCalibration
+from color_stereo_ros.core.cameras.calibration import DISTORTION_LENGTHS, StereoCalibration
 
 from .errors import SceneError
 from .geometry import Pose

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The command `color_stereo`: finds its subcommands, runs one, turns known errors into one line.
+
+A module beside this one is a subcommand of the same name if it has a SUMMARY (one line),
+`add_arguments(parser)` and `run(args)`, which returns an exit status or None for 0. Only the
+module that runs is imported, so that `color_stereo --help` needs neither ROS nor a simulator.
+
+"""
+
+import argparse
+import ast
+import importlib
+import os
+from pathlib import Path
+import sys
+
+from .. import __version__
+
+WRONG_USAGE = 2  # as argparse has it
+FAILURE = 1
+INTERRUPTED = 130
+
+EXTRAS = {
+    'sim': ('mitsuba', 'drjit'),
+    'tools': ('rosbags', 'matplotlib', 'tqdm'),
+    'ros': ('rclpy', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'stereo_msgs', 'std_srvs',
+            'diagnostic_msgs', 'builtin_interfaces', 'rcl_interfaces', 'lifecycle_msgs'),
+}
+
+
+def main(argv=None):
+    """
+    Run `color_stereo`.
+
+    Parameters
+    ----------
+    argv : list of str or None
+        The arguments after the program's name; None takes them from the command line.
+
+    Returns
+    -------
+    status : int
+        0 = done, 1 = it failed, 2 = wrong arguments or settings, 130 = interrupted.
+
+    """
+    try:
+        args = parsed(sys.argv[1:] if argv is None else list(argv))
+        return args.run(args) or 0
+    except KeyboardInterrupt:
+        return _fail('interrupted', INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output has gone (`color_stereo settings | head`): not an error.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        return _fail(*_explained(error))
+
+
+def parsed(argv):
+    """
+    Return the arguments of a command line; `run` among them is what runs it.
+
+    Raises
+    ------
+    SystemExit
+        With status 0 for `--help`, with 2 for wrong arguments; the text is printed.
+
+    """
+    parser = argparse.ArgumentParser(
+        prog='color_stereo', description='Range images from two color cameras and a projector.',
+        epilog='`color_stereo COMMAND --help` explains a command. Exit status: 0 = done; 1 = it '
+        'failed, for example because a file is missing or damaged; 2 = the command line or a '
+        'settings file is wrong; 130 = interrupted.',
+        allow_abbrev=False)
+    parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
+    subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
+    chosen = next((word for word in argv if not word.startswith('-')), None)
+    for name, summary in find_commands().items():
+        subparser = subparsers.add_parser(name, help=summary, description=summary,
+                                          allow_abbrev=False)
+        if name == chosen:
+            from .arguments import Help
+            subparser.formatter_class = Help
+            module = importlib.import_module(f'{__package__}.{name}')
+            module.add_arguments(subparser)
+            subparser.set_defaults(run=module.run)
+    return parser.parse_args(argv)
+
+
+def find_commands(folder=None):
+    """Return a dict of command names to their summaries, sorted by name, importing nothing."""
+    folder = Path(__file__).parent if folder is None else Path(folder)
+    found = {path.stem: _summary(path) for path in sorted(folder.glob('[!_]*.py'))}
+    return {name: summary for name, summary in found.items() if summary is not None}
+
+
+def _summary(path):
+    """Return the string that a module assigns to SUMMARY at its top level, or None."""
+    for node in ast.parse(path.read_text(encoding='utf-8')).body:
+        if (isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+                and node.targets[0].id == 'SUMMARY'):
+            return ast.literal_eval(node.value)
+    return None
+
+
+def _explained(error):
+    """Return (one line, exit status) for an error that a user can act on; raise any other."""
+    # Imported here: the core takes a second to import, which `--help` should not pay.
+    from ..errors import ColorStereoError, SettingsError
+    if isinstance(error, ColorStereoError):
+        return error, WRONG_USAGE if isinstance(error, SettingsError) else FAILURE
+    if isinstance(error, ModuleNotFoundError):
+        return _missing_extra(error), FAILURE
+    if isinstance(error, OSError):
+        known = error.filename is not None and error.strerror is not None
+        return f'{error.filename}: {error.strerror}' if known else error, FAILURE
+    raise error
+
+
+def _missing_extra(error):
+    """Return what to install for a module that is not there; raise what is none of our extras."""
+    missing = (error.name or '').partition('.')[0]
+    for extra, modules in EXTRAS.items():
+        if missing in modules:
+            return (f'this command needs {missing!r}, which is not installed: '
+                    + ('source the setup.bash of ROS 2' if extra == 'ros'
+                       else f'pip install {missing.replace("drjit", "mitsuba")}')
+                    + f", or pip install '.[{extra}]' in the folder of the sources (README, "
+                    'Extras)')
+    raise error
+
+
+def _fail(message, status):
+    print(f'color_stereo: {message}', file=sys.stderr)
+    return status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`color_stereo process`: one pair of image files in, depth and points out, without ROS."""
+
+SUMMARY = 'measure one pair of image files: depth, points and pictures into a folder'
+
+
+def add_arguments(parser):
+    """Declare the arguments."""
+    from .arguments import add_settings_arguments
+    parser.add_argument('left', help='image of the left camera: PNG, JPEG, TIFF or the like, in '
+                        'color, as the camera took it')
+    parser.add_argument('right', help='image of the right camera, taken at the same moment')
+    parser.add_argument('--calibration', nargs=2, required=True, metavar=('LEFT', 'RIGHT'),
+                        help='the camera_info YAML files of both cameras, calibrated as a pair, '
+                        'for example by camera_calibration')
+    parser.add_argument('--output', default='process_output', metavar='FOLDER',
+                        help='folder to fill; files of an earlier run are replaced (default '
+                        'process_output)')
+    parser.add_argument('--rectified', action='store_true', help='the images are rectified '
+                        'already: only P of the calibration is used')
+    add_settings_arguments(parser)
+
+
+def run(args):
+    """Measure the pair of the command line."""
+    from pathlib import Path
+
+    from ..core import ColorStereo, StereoCalibration
+    from ..core.account import doubts_about_images, doubts_about_result
+    from ..files.image import read_image
+    from ..patience import patience
+    from .arguments import settings_from
+    settings = settings_from(args)
+    calibration = StereoCalibration.from_yaml(*args.calibration)
+    left, right = read_image(args.left), read_image(args.right)
+    warn_of(doubts_about_images(left, right))
+    with patience():
+        stereo = ColorStereo(calibration, settings, rectified_input=args.rectified)
+    result = stereo.process(left, right)
+    output = Path(args.output)
+    write_result(output, result, settings.range)
+    print(account(result))
+    print(f'Written to {output}:')
+    for name, content in CONTENT.items():
+        print(f'  {name:18}{content}')
+    warn_of(doubts_about_result(stereo, left, right, result))
+
+
+def warn_of(doubts):
+    """Print warnings on standard error."""
+    import sys
+    for doubt in doubts:
+        print(f'color_stereo: warning: {doubt}', file=sys.stderr)
+
+
+def account(result):
+    """Return the shares of the pixels by status, and between which depths they lie, as text."""
+    import numpy as np
+
+    from ..core.account import status_shares
+    from ..core.status import Status
+    shares = status_shares(result.status)
+    lines = [f'{100 * shares[code.label]:9.1f} %  {code.label:15}{code.meaning}'
+             for code in sorted(Status, key=lambda code: (code != Status.VALID,
+                                                          -shares[code.label]))
+             if code == Status.VALID or shares[code.label]]
+    known = result.depth[np.isfinite(result.depth)]
+    if known.size:
+        near, middle, far = np.percentile(known, (1, 50, 99))
+        lines.append(f'Depths: median {middle:.4g} m, nearly all within {near:.4g} .. {far:.4g} m')
+    return '\n'.join(['Pixels by status:', *lines])
+
+
+CONTENT = {
+    'depth_mm.png': '16 bit, millimeters, 0 = unknown',
+    'depth.tiff': '32 bit float, meters, NaN = unknown',
+    'depth_std.tiff': '32 bit float, standard deviation of the depth in meters',
+    'confidence.png': '8 bit, 255 = 1',
+    'status.png': '8 bit, 0 = valid, otherwise the reason (docs/nodes.md)',
+    'range_image.png': 'false colors, near = purple, far = orange',
+    'points.ply': 'colored points in meters, rectified left camera',
+}
+
+
+def write_result(folder, result, limits):
+    """
+    Write a result into a folder, the files of `CONTENT`.
+
+    Parameters
+    ----------
+    folder : Path
+    result : RangeResult
+    limits : RangeSettings
+        Limits of the false colors.
+
+    """
+    import numpy as np
+
+    from ..core.false_color import false_color
+    from ..files.atomic import write_image
+    from ..files.cloud import save_cloud
+    from ..messages.images import millimeters
+    images = {
+        'depth_mm.png': millimeters(result.depth),
+        'depth.tiff': result.depth,
+        'depth_std.tiff': result.depth_std,
+        'confidence.png': np.rint(255 * result.confidence).astype(np.uint8),
+        'status.png': result.status,
+        'range_image.png': false_color(result.depth, limits.min_depth, limits.max_depth)}
+    for name, image in images.items():
+        write_image(folder / name, image)
+    save_cloud(folder / 'points.ply', result.points(), result.image)

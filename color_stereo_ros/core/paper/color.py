@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Color correction and noise elimination of the paper's method (paper, sec. 2.2)."""
+
+import math
+
+import cv2
+import numpy as np
+
+from . import kernels
+
+BRIGHTNESS = 255.0   # lambda of the paper: the sum of the components after scaling
+ESTIMATE = -1.0      # value of color.dark_level that asks for an estimate
+DARK_PERCENTILE = 5.0  # of the weakest component
+BLUR_REACH = 3.0     # standard deviations that the smoothing looks to each side
+DARK_STEP = 8        # px, the dark level is estimated from every eighth row and column
+SPOT_STEP = 16       # px, statistics look at one spot of so many rows and columns
+SPOT_SIZE = 4        # px, rows and columns of a spot
+GAIN_ITERATIONS = 4
+MIN_GAIN_SAMPLES = 50
+# Differences between the cameras' log gains: below the first they are taken for an error of the
+# estimate (two cameras of one type), above the second for real; in between part of them counts.
+CAMERA_DIFFERENCE = (0.20, 0.35)
+
+
+class ColorCorrection:
+    """
+    Makes the colors of the two cameras comparable.
+
+    Parameters
+    ----------
+    settings : ColorSettings
+
+    """
+
+    def __init__(self, settings):
+        """Keep the settings."""
+        self._settings = settings
+        self._memory = {}
+
+    def correct(self, pair):
+        """
+        Correct both images of a pair.
+
+        Parameters
+        ----------
+        pair : RectifiedPair
+
+        Returns
+        -------
+        left, right : (numpy.ndarray, numpy.ndarray)
+            Colors, float32 (H, W, 4): corrected components and 1, or four zeros where a pixel
+            cannot be used; and reason, uint8 (H, W): Status.VALID or why it cannot. The next
+            call overwrites them.
+
+        """
+        views = [(pair.left, pair.left_inside), (pair.right, pair.right_inside)]
+        darks = [self._dark_level(*view) for view in views]
+        gains = self._gains(views, darks)
+        return tuple(self._corrected(side, *view, dark, gain)
+                     for side, view, dark, gain in zip(('left', 'right'), views, darks, gains))
+
+    def _dark_level(self, image, inside):
+        """Return the signal without light of each channel, float32 (3,), DN."""
+        if self._settings.dark_level != ESTIMATE:
+            return np.full(3, self._settings.dark_level, np.float32)
+        return estimated_dark_level(image, inside)
+
+    def _gains(self, views, darks):
+        """Return the channel gains of both cameras, float32 (3,) each."""
+        settings = self._settings
+        if not settings.equalize:
+            return np.ones((2, 3), np.float32)
+        samples = [brightness_samples(*view, dark, settings) for view, dark in zip(views, darks)]
+        if settings.equalize_cameras == 'separate':
+            return [equal_brightness_gains(*sample) for sample in samples]
+        shared = equal_brightness_gains(*(np.concatenate(part) for part in zip(*samples)))
+        if settings.equalize_cameras == 'shared':
+            return shared, shared
+        return split_gains(shared, *(equal_brightness_gains(*sample) for sample in samples))
+
+    def _corrected(self, side, image, inside, dark, gains):
+        """Return corrected colors (H, W, 4) and reasons (H, W) of one image."""
+        settings = self._settings
+        colors, blurred, reason = self._buffers(side, inside.shape)
+        kernels.correct_colors(
+            image, inside, dark, gains, np.float32(settings.min_signal),
+            settings.saturation_level, settings.zero_weakest,
+            np.float32(BRIGHTNESS if settings.scale else 0.0), colors, reason)
+        return smoothed(colors, reason, settings.smoothing, blurred), reason
+
+    def _buffers(self, side, shape):
+        """Return memory for one image; taking it anew for each pair costs more than the work."""
+        if (side, shape) not in self._memory:
+            self._memory[side, shape] = (np.empty((*shape, 4), np.float32),
+                                         np.empty((*shape, 4), np.float32),
+                                         np.empty(shape, np.uint8))
+        return self._memory[side, shape]
+
+
+def estimated_dark_level(image, inside):
+    """
+    Return the signal without light, the same for each channel, float32 (3,), DN.
+
+    Where one component of the pattern is zero, and in shadows, a camera shows its dark level.
+
+    """
+    sample = image[::DARK_STEP, ::DARK_STEP][inside[::DARK_STEP, ::DARK_STEP]]
+    if sample.size == 0:
+        return np.zeros(3, np.float32)
+    return np.full(3, np.percentile(sample.min(axis=1), DARK_PERCENTILE), np.float32)
+
+
+def brightness_samples(image, inside, dark, settings):
+    """
+    Return pairs of colors of neighboring lit spots.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, uint8, shape (H, W, 3)
+    inside : numpy.ndarray, bool, shape (H, W)
+    dark : numpy.ndarray, float32, shape (3,)
+        DN.
+    settings : ColorSettings
+
+    Returns
+    -------
+    first, second : numpy.ndarray, float32, shape (n, 3)
+        DN above the dark level; the spots are SPOT_STEP apart in a row or a column.
+
+    """
+    rows, columns = (size // SPOT_STEP for size in inside.shape)
+    colors = np.empty((rows, columns, 3), np.float32)
+    lit = np.empty((rows, columns), np.bool_)
+    kernels.average_spots(image, inside, dark, np.float32(settings.min_signal),
+                           settings.saturation_level, SPOT_STEP, SPOT_SIZE, colors, lit)
+    in_row = lit[:, 1:] & lit[:, :-1]
+    in_column = lit[1:] & lit[:-1]
+    return (np.concatenate((colors[:, 1:][in_row], colors[1:][in_column])),
+            np.concatenate((colors[:, :-1][in_row], colors[:-1][in_column])))
+
+
+def equal_brightness_gains(first, second):
+    """
+    Return the channel gains that make the brightness of neighboring spots most alike.
+
+    The pattern has uniform brightness (paper, fig. 2.2 right), so that the sum of equalized
+    channels changes slowly over the image while the hue changes. Edges of objects scale whole
+    colors and favor no gain.
+
+    Parameters
+    ----------
+    first, second : numpy.ndarray, float32, shape (n, 3)
+        Colors of neighboring spots, DN above the dark level.
+
+    Returns
+    -------
+    gains : numpy.ndarray, float32, shape (3,)
+        The smallest is 1; all are 1 if the samples do not tell.
+
+    """
+    gains = np.ones(3, np.float32)
+    if len(first) < MIN_GAIN_SAMPLES:
+        return gains
+    difference, total = first - second, first + second
+    for _ in range(GAIN_ITERATIONS):
+        brightness = np.maximum(total @ gains, 1e-3)
+        contrast = difference @ gains / brightness
+        scale = 1.5 * np.median(np.abs(contrast)) + 1e-6
+        # Cauchy weights; division by the brightness compares relative differences.
+        weights = 1.0 / ((1.0 + (contrast / scale) ** 2) * brightness ** 2)
+        unlike = (difference * weights[:, None]).T @ difference
+        alike = (total * weights[:, None]).T @ total
+        gains = _smallest_ratio(unlike, alike)
+        if gains.min() <= 0:
+            return np.ones(3, np.float32)
+        gains = (gains / gains.min()).astype(np.float32)
+    return gains
+
+
+def _smallest_ratio(above, below):
+    """Return the vector g that minimizes (g above g) / (g below g), its sum positive."""
+    above, below = np.float64(above), np.float64(below)
+    ridge = (1e-6 * np.trace(below) + 1e-12) * np.eye(3)
+    root = np.linalg.inv(np.linalg.cholesky(below + ridge))
+    vector = root.T @ np.linalg.eigh(root @ above @ root.T)[1][:, 0]
+    return vector * np.sign(vector.sum())
+
+
+def split_gains(shared, left, right):
+    """
+    Return gains of both cameras that differ only where the two estimates differ for certain.
+
+    Matching suffers from a difference between the cameras, not from an error that they share.
+
+    """
+    difference = np.log(left / right)
+    difference -= np.median(difference)
+    low, high = CAMERA_DIFFERENCE
+    share = np.clip((np.abs(difference) - low) / (high - low), 0.0, 1.0)
+    half = np.exp(0.5 * share * difference)
+    return (shared * half).astype(np.float32), (shared / half).astype(np.float32)
+
+
+def smoothed(colors, reason, deviation, blurred):
+    """
+    Return the colors after Gaussian smoothing over the usable pixels only.
+
+    Parameters
+    ----------
+    colors : numpy.ndarray, float32, shape (H, W, 4)
+        Components and 1, or four zeros where a pixel cannot be used.
+    reason : numpy.ndarray, uint8, shape (H, W)
+        Status.VALID where a pixel can be used.
+    deviation : float
+        Standard deviation, px; 0 = return the colors as they are.
+    blurred : numpy.ndarray, float32, shape (H, W, 4)
+        Memory for the result.
+
+    """
+    if deviation == 0:
+        return colors
+    size = 2 * math.ceil(BLUR_REACH * deviation) + 1
+    cv2.GaussianBlur(colors, (size, size), deviation, dst=blurred,
+                     borderType=cv2.BORDER_REPLICATE)
+    kernels.normalize(blurred, reason)
+    return blurred

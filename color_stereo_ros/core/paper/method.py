@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The correspondence search of the paper (sec. 2.2 and 3), exhaustive over the disparities."""
+
+import math
+
+import cv2
+import numpy as np
+
+from ..results import Match
+from ..triangulation import search_interval
+from . import kernels
+from .color import ColorCorrection
+
+SUBPIXEL_CODES = {'none': 0, 'parabola': 1, 'weighted': 2}
+TILE = 16            # px, side of the tiles whose median is the surroundings' disparity
+MOSAIC_BLUR = 1.2    # px, standard deviation of the noise correlation of single-chip cameras
+
+
+class PaperMatcher:
+    """
+    Finds for each left pixel the right pixel of the same row whose window has the least Q.
+
+    Parameters
+    ----------
+    settings : Settings
+    geometry : RectifiedGeometry
+    limits : (float, float)
+        Smallest and largest disparity, px.
+
+    """
+
+    def __init__(self, settings, geometry, limits):
+        """Allocate the buffers of the search."""
+        self._settings = settings.matching
+        self._limits = tuple(np.float32(limits))
+        self._correction = ColorCorrection(settings.color)
+        first, last = np.clip(search_interval(limits), 1 - geometry.width, geometry.width - 1)
+        self._first = int(first) - 1  # one more at each end tells a minimum from a limit
+        self._count = int(last - first) + 3
+        self._independent = independent_pixels(settings)
+        self._buffers = _Buffers(geometry, self._count, settings.matching)
+
+    def match(self, pair):
+        """
+        Match one pair.
+
+        Parameters
+        ----------
+        pair : RectifiedPair
+
+        Returns
+        -------
+        match : Match
+
+        """
+        (left, reason), (right, _) = self._correction.correct(pair)  # sec. 2.2, correction
+        buffers = self._buffers
+        match = self._searched(left, right, reason, buffers.low, buffers.high)  # sec. 2.2, search
+        if self._settings.local_limit > 0:
+            low, high = self._local_limits(match.disparity)
+            match = self._searched(left, right, reason, low, high)
+        return match
+
+    def _local_limits(self, disparity):
+        """Return limits around the median disparity of the surroundings (paper, sec. 2.2)."""
+        center = surrounding_median(disparity) - self._first
+        reach = self._settings.local_limit
+        low, high = self._buffers.low.copy(), self._buffers.high.copy()
+        known = np.isfinite(center)
+        low[known] = np.clip(np.floor(center[known] - reach), 0, self._count - 3)
+        high[known] = np.clip(np.ceil(center[known] + reach) + 1, 3, self._count)
+        return low, high
+
+    def _searched(self, left, right, reason, low, high):
+        """Return the Match of one search between limits for each pixel."""
+        settings, buffers = self._settings, self._buffers
+        kernels.search(
+            left, right, self._first, self._count, settings.window_width // 2,
+            settings.window_height // 2, low, high, buffers.ring, buffers.sums, buffers.total,
+            buffers.ratios, buffers.right_cost, buffers.right_index, buffers.winner,
+            buffers.costs)
+        match = Match(disparity=np.empty(reason.shape, np.float32),
+                      disparity_std=np.empty(reason.shape, np.float32),
+                      confidence=np.empty(reason.shape, np.float32),
+                      status=np.empty(reason.shape, np.uint8))
+        kernels.judge(
+            buffers.winner, buffers.costs, reason, right, self._first, self._count, low, high,
+            settings.left_right_tolerance, settings.uniqueness_ratio,
+            SUBPIXEL_CODES[settings.subpixel], self._independent, *self._limits,
+            match.disparity, match.disparity_std, match.confidence, match.status)
+        return match
+
+
+def independent_pixels(settings):
+    """
+    Return how many pixels of a window carry noise of their own.
+
+    Demosaicing and smoothing spread the noise of a pixel over an area of 4 pi sigma^2.
+
+    """
+    pixels = settings.matching.window_width * settings.matching.window_height
+    area = 4.0 * math.pi * (settings.color.smoothing ** 2 + MOSAIC_BLUR ** 2)
+    return max(1.0, pixels / area)
+
+
+def surrounding_median(disparity):
+    """
+    Return the median disparity around each pixel: of 3 x 3 tiles of TILE px.
+
+    Parameters
+    ----------
+    disparity : numpy.ndarray, float32, shape (H, W)
+        px, NaN = unknown.
+
+    Returns
+    -------
+    median : numpy.ndarray, float32, shape (H, W)
+        px, NaN where all of the surroundings are unknown.
+
+    """
+    height, width = disparity.shape
+    rows, columns = -(-height // TILE), -(-width // TILE)
+    padded = np.full((rows * TILE, columns * TILE), np.nan, np.float32)
+    padded[:height, :width] = disparity
+    tiles = padded.reshape(rows, TILE, columns, TILE).swapaxes(1, 2).reshape(rows, columns, -1)
+    medians = np.pad(_median(tiles), 1, constant_values=np.nan)
+    around = np.stack([medians[y:y + rows, x:x + columns] for y in range(3) for x in range(3)],
+                      axis=-1)
+    return cv2.resize(_median(around), (columns * TILE, rows * TILE),
+                      interpolation=cv2.INTER_NEAREST)[:height, :width]
+
+
+def _median(values):
+    """Return the (lower) median over the last axis, NaN ignored; np.nanmedian is far slower."""
+    ordered = np.sort(values, axis=-1)  # NaN last
+    known = np.isfinite(values).sum(axis=-1, keepdims=True)
+    return np.take_along_axis(ordered, np.maximum(known - 1, 0) // 2, axis=-1)[..., 0]
+
+
+class _Buffers:
+    """Memory of the search, one set per band of rows."""
+
+    def __init__(self, geometry, count, settings):
+        bands = kernels.band_count()
+        padded = -(-count // kernels.LANES) * kernels.LANES
+        height, width = geometry.height, geometry.width
+        self.ring = np.zeros((bands, settings.window_height, width, padded), np.uint16)
+        self.sums = np.zeros((bands, width, padded), np.int32)
+        self.total = np.zeros((bands, padded + 2), np.int32)
+        self.ratios = np.zeros((bands, 2, 3, width + padded - 1), np.float32)
+        self.right_cost = np.zeros((bands, width + padded - 1), np.int32)
+        self.right_index = np.zeros((bands, width + padded - 1), np.int32)
+        self.low = np.zeros((height, width), np.int32)
+        self.high = np.full((height, width), count, np.int32)
+        self.winner = np.zeros((height, width, 2), np.int32)
+        self.costs = np.zeros((height, width, 4), np.int32)

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The coarse search of the surface method: semi-global, over all disparities, on few nodes."""
+
+import math
+
+import cv2
+import numpy as np
+
+from ..compiled.bands import BANDS
+from ..triangulation import search_interval
+from .coarse_kernels import add_turned, cost_volume, reduce_colors, sgm_paths, winners
+from .grid_kernels import F4, PAD
+
+
+class CoarseSearch:
+    """
+    Semi-global search over all disparities on the coarse grid.
+
+    Parameters
+    ----------
+    nodes : (int, int)
+        Rows and columns of the half grid.
+    width : int
+        Of the image, px.
+    limits : (float, float)
+        Smallest and largest disparity, px.
+    prior : Prior
+        What to expect of the colors.
+    soft : float
+        What was added to the brightness before chromaticities were divided by it, DN.
+    arena : Arena
+
+    """
+
+    SCALE = F4(64.0)  # int16 steps per unit of chromaticity
+    KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
+    CAP, NEUTRAL = np.int16(160), np.int16(70)
+    SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed with weights of eight in all
+    REGION = 41, 41   # nodes, in which the share of clear ones is counted
+
+    def __init__(self, nodes, width, limits, prior, soft, arena):
+        """Allocate the volumes."""
+        self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
+        while self.factor > 2 and self.factor > min(nodes):  # a wide, low strip
+            self.factor //= 2
+        h, w = (max(1, count // self.factor) for count in nodes)
+        step = 2 * self.factor
+        # beyond the image there is nothing to find, and `winners` counts to 2047 nodes only
+        first, last = (int(np.clip(limit, 1 - w, w - 1)) for limit in search_interval(
+            (limits[0] / step, limits[1] / step)))
+        self.first, depth = first - 1, last - first + 3
+        # four path costs, each at most eight capped nodes and one penalty, must fit into int16
+        self.penalties = [np.int16(round(min(prior.smoothness, 10.0) * penalty))
+                          for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
+        self.least_gap = round(prior.least_gap * self.LARGE_STEP)
+        self.prior = prior
+        self.texture = F4(self.SCALE * prior.texture)
+        self.soft = F4(soft)
+        self.allocate(h, w, depth, arena)
+
+    def allocate(self, h, w, depth, arena):
+        """Allocate the volumes of a coarse grid of h x w nodes."""
+        self.brightness = arena.zeros((h, w), F4)
+        self.sums = arena.empty((BANDS, 3, 2 * self.factor * w), F4)
+        self.colors = arena.empty((4, h, w), np.int16)
+        self.margin = w + max(abs(self.first), abs(self.first + depth))
+        self.upright = Volumes(h, w, depth, (0, self.margin), arena)
+        # an even number of lanes, of which `add_turned` fetches two at a time
+        self.turned = Volumes(w, h + h % 2, depth, (self.margin, 0), arena)
+        self.pairs = self.turned.total.reshape(-1).view(np.int32)
+        self.path_scratch = arena.empty(
+            (2, 2 * depth + 3, max(each.cost.shape[2] for each in (self.upright, self.turned))),
+            np.int16)
+        self.disparity, self.clear = arena.empty((2, h, w), F4)
+        self.clear_share = np.ones((h, w), F4)  # of the nodes around each one
+        self.best = arena.empty((BANDS, 2, w), np.int32)
+
+    def search(self, left, right):
+        """
+        Search one pair.
+
+        Parameters
+        ----------
+        left, right : View
+
+        Returns
+        -------
+        disparity : numpy.ndarray, float32, shape (h, w)
+            In coarse nodes; NaN where left and right disagree.
+
+        """
+        self.fill_colors(left, right)
+        self.turn()
+        self.aggregate()
+        winners(self.upright.total, self.first, self.least_gap, self.disparity, self.clear,
+                self.best)
+        if self.least_gap > 0:
+            cv2.blur(self.clear, self.REGION, dst=self.clear_share)
+        return self.disparity
+
+    def aggregate(self):
+        """Compare all nodes at all disparities; follow the semi-global paths through the costs."""
+        upright, turned = self.upright, self.turned
+        columns, lanes = upright.cost.shape[2], turned.cost.shape[2]
+        # column x - d of the right image lies margin further on
+        width, start = columns + 2 * self.margin, self.margin - self.first
+        cost_volume(upright.left, upright.flat_right, start, width, 1, self.CAP,
+                    self.NEUTRAL, upright.cost, upright.scratch)
+        cost_volume(turned.left, turned.flat_right, start * lanes, lanes, lanes, self.CAP,
+                    self.NEUTRAL, turned.cost, turned.scratch)
+        sgm_paths(upright.cost, turned.cost, *self.penalties, upright.total, turned.total,
+                  self.path_scratch)
+        add_turned(self.pairs, columns, upright.total)
+
+    def fill_colors(self, left, right):
+        """Write u, v, texture and trust of both views."""
+        for view, first, step, out in ((left, PAD, self.factor, self.upright.left),
+                                       (right, 0, 2 * self.factor, self.colors)):
+            reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor, self.soft,
+                          self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3],
+                          self.sums)
+            self.fill_texture(out[2])
+        self.upright.inner[:2], self.upright.inner[2:4] = (
+            half_way(self.colors[:2]) if self.prior.repeats else (self.colors[:2],) * 2)
+        self.upright.inner[4:] = self.colors[2:]
+
+    def turn(self):
+        """Copy the colors into the other layout."""
+        h = self.disparity.shape[0]
+        for upright, turned in ((self.upright.left, self.turned.left),
+                                (self.upright.inner, self.turned.inner)):
+            for plane, turned_plane in zip(upright, turned):
+                cv2.transpose(plane, dst=turned_plane[:, :h])
+            turned[:, :, h:] = turned[:, :, h - 1:h]  # borders are repeated
+
+    def fill_texture(self, out):
+        """Write log brightness against its surroundings, int16: printed or natural texture."""
+        level = np.log(self.brightness + F4(self.prior.knee))
+        level -= cv2.blur(level, (self.prior.surroundings, self.prior.surroundings))
+        np.multiply(np.clip(level, -1, 1), self.texture, out=out, casting='unsafe')
+
+
+def half_way(colors):
+    """
+    Return the lowest and highest of colors, int16 (2, h, w), within half a node along the rows.
+
+    What lies between two nodes costs nothing then (Birchfield and Tomasi 1998). Else a repetition
+    that happens to lie upon a node would cost less than a true match that does not.
+
+    """
+    middle = (colors[..., 1:] + colors[..., :-1]) >> 1
+    low, high = colors.copy(), colors.copy()
+    for side in (np.s_[..., 1:], np.s_[..., :-1]):
+        np.minimum(low[side], middle, out=low[side])
+        np.maximum(high[side], middle, out=high[side])
+    return low, high
+
+
+class Volumes:
+    """Colors, costs and path costs in one layout; see `_coarse_kernels`."""
+
+    def __init__(self, lines, lanes, depth, margin, arena):
+        """Allocate; margin: lines and lanes without color around the right image."""
+        self.left = arena.zeros((4, lines, lanes), np.int16)
+        self.right = arena.zeros((6, lines + 2 * margin[0], lanes + 2 * margin[1]), np.int16)
+        self.flat_right = self.right.reshape(6, -1)
+        self.inner = self.right[:, margin[0]:margin[0] + lines, margin[1]:margin[1] + lanes]
+        self.cost = arena.empty((lines, depth, lanes), np.int16)
+        self.total = arena.empty((lines, depth, lanes), np.int16)
+        self.scratch = arena.empty((BANDS, 4, depth, lanes + 2), np.int16)

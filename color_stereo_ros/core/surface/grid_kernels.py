@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The half grid: what all kernels of the surface method share.
+
+Words used there. The *half grid* has one node per 2 x 2 rectified pixels, at their center; the
+right image keeps all its columns on half the rows, so that a disparity is sampled finely. u, v are
+the two chromaticity coordinates, s the brightness they were divided by. A plane d + a i + b j
+gives the disparity (full pixels) i nodes to the right and j nodes below a node. NaN = unknown;
+therefore never fastmath=True.
+
+All half-grid arrays of the left image (and the rows of the right one) carry a frame of PAD
+unknown nodes and are rounded up to whole tiles of TILE_ROWS x TILE_COLUMNS nodes, so that no
+kernel needs to ask where the image ends. A tile is *smooth* where one surface fills it and its
+surroundings; there windows need no gate, and sums over them are separable.
+
+Kernels get bare arrays and write into them; meaning lives in `surface`, `half_grid` and
+`coarse_search`.
+
+"""
+
+import numpy as np
+
+from ..compiled.parts import part
+
+FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
+F4 = np.float32
+I4 = np.int32
+U4 = np.uint32
+PAD = 8  # unknown nodes around a half grid: a wide window's margin, or a step and a patch's
+TILE_ROWS = 8
+TILE_COLUMNS = 32
+JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
+FLAT = F4(4.0)  # a chromaticity variance, before its scale is measured, without information
+NAN = F4(np.nan)
+MOST_WIDENING = F4(1 / 3)  # gain of second differences that makes three nodes a mean
+STEEPEST_FACE = F4(0.25)  # px of the right image that 1 px of the left shows: less is an edge
+CEILING = F4(30)  # of a misfit that counts as evidence
+
+
+@part()
+def any_above(values, bound):
+    """Return whether any entry is larger than a bound; NaN is not."""
+    for y in range(values.shape[0]):
+        for x in range(values.shape[1]):
+            if values[y, x] > bound:
+                return True
+    return False
+
+
+@part(fastmath=FAST)
+def foreshortening(a, b, kernel):
+    """
+    Return by what gain of second differences the left view of a plane gets the blur of the right.
+
+    Both cameras see through kernels of variance `kernel`, px^2, but foreshorten a plane
+    differently: 1 px of the left image shows what 1 - a' px of the right one show, a' = a / 2 and
+    b' = b / 2 being the slopes in px per px. Carried along the plane to the left image, the
+    variance of the right kernel along rows is (1 + b'^2) / (1 - a')^2 times as large. A gain g
+    adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens.
+
+    """
+    face = max(F4(1) - F4(0.5) * a, STEEPEST_FACE)
+    excess = (F4(1) + F4(0.25) * b * b) / (face * face) - F4(1)
+    return min(F4(0.125) * kernel * excess, MOST_WIDENING)
+
+
+@part()
+def copy_tile(d, a, b, top, left, new_d, new_a, new_b):
+    """Copy the planes of one tile."""
+    for y in range(top, top + TILE_ROWS):
+        for x in range(left, left + TILE_COLUMNS):
+            new_d[y, x] = d[y, x]
+            new_a[y, x] = a[y, x]
+            new_b[y, x] = b[y, x]

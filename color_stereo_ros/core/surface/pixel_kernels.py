@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels of the surface method: from nodes to pixels; see `_grid_kernels`."""
+
+import numpy as np
+
+from ..compiled.bands import band, banded
+from ..compiled.parts import part
+from ..compiled.stack import stack_row
+from .grid_kernels import F4, FAST, NAN, PAD, TILE_COLUMNS
+from .trust_kernels import HOPELESS, INCONSISTENT, LEAST_ODDS, MOST_ODDS, OUT_OF_RANGE, VALID
+
+OWN_SHARE = F4(0.25)  # of a node in the log-odds of its pixels, beside the interpolated ones
+
+
+@part(fastmath=FAST)
+def logistic(odds):
+    """
+    Return 1 / (1 + exp(-odds)), to 1e-5 of the smaller of probability and improbability.
+
+    exp(x) = exp(x / 32)^32 with a polynomial, since a call of the library is not vectorized.
+
+    """
+    x = min(max(-odds, F4(-16)), F4(16)) * F4(1 / 32)
+    power = F4(1) + x * (F4(1) + x * (F4(1 / 2) + x * (F4(1 / 6) + x * (
+        F4(1 / 24) + x * (F4(1 / 120) + x * F4(1 / 720))))))
+    power *= power
+    power *= power
+    power *= power
+    power *= power
+    power *= power
+    return F4(1) / (F4(1) + power)
+
+
+@part(fastmath=FAST)
+def bounded(odds):
+    """Return log-odds within what interpolation may take over from a neighbor."""
+    return min(max(odds, LEAST_ODDS), MOST_ODDS)
+
+
+@banded(fastmath=FAST)
+def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline, offset,
+           least_odds, disparity, depth, out_std, out_confidence, out_status):
+    """
+    Evaluate the planes of the nodes at every pixel, decide which count, and triangulate.
+
+    Z = focal_baseline / (d - offset). Log-odds of a pixel: OWN_SHARE of its node's, the rest
+    bilinear between the nodes around, so that a pixel next to doubtful nodes is doubted more than
+    that on the other side of its node; below least_odds it has no range. Nor has one whose place
+    lies outside the right image, where its node's may lie inside. Pixels beyond the last whole
+    node take the nearest one. Where there is no range, disparity, depth and out_std are NaN and
+    confidence is 0.
+
+    """
+    height, width = disparity.shape
+    lowest, highest = limits[0], limits[1]
+    last_place = F4(width - 1)
+    near, far, shared = F4(0.75), F4(0.25), F4(1) - OWN_SHARE
+    first, last = band(k, height)
+    mixed = stack_row()
+    even = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    odd = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    for v in range(first, last):
+        row = min(v >> 1, rows - 1)
+        below = v > 2 * row
+        y, other = row + PAD, min(max(row + (1 if below else -1), 0), rows - 1) + PAD
+        lean_y = F4(0.5) * (F4(v - 2 * row) - F4(0.5))
+        for start in range(0, columns, TILE_COLUMNS):
+            count = min(TILE_COLUMNS, columns - start)
+            left, right = start + PAD, start + PAD + count
+            here, there = odds[y, left - 1:right + 1], odds[other, left - 1:right + 1]
+            dd, aa, bb = d[y, left:right], a[y, left:right], b[y, left:right]
+            noise, reasons = std[y, left:right], reason[y, left:right]
+            for x in range(count + 2):
+                mixed[x] = near * bounded(here[x]) + far * bounded(there[x])
+            # an odd last column has no node of its own
+            sides = 3 if (right == columns + PAD) & (width > 2 * columns) else 2
+            for side in range(sides):
+                first_column = F4(2 * start + side)
+                values, depths, spreads, certainties, codes = odd if side == 1 else even
+                lean_x = F4(0.5) * (F4(side) - F4(0.5))
+                beside = 2 * min(side, 1)  # the neighbor in mixed
+                for x in range(count):
+                    value = dd[x] + aa[x] * lean_x + bb[x] * lean_y
+                    certainty = OWN_SHARE * bounded(here[x + 1]) + shared * (
+                        near * mixed[x + 1] + far * mixed[x + beside])
+                    sure = (certainty >= least_odds) & (here[x + 1] > HOPELESS)
+                    within = (value >= lowest) & (value <= highest)
+                    place = first_column + F4(2 * x) - value
+                    seen = (place >= F4(0)) & (place <= last_place)
+                    valid = sure & within & seen
+                    code = INCONSISTENT if within else OUT_OF_RANGE
+                    code = code if sure else reasons[x]
+                    values[x] = value if valid else NAN
+                    depths[x] = focal_baseline / (value - offset) if valid else NAN
+                    spreads[x] = noise[x] if valid else NAN
+                    certainties[x] = logistic(certainty) if valid else F4(0)
+                    codes[x] = F4(VALID if valid else code)
+                if side == 1:
+                    begin, end = 2 * start, 2 * (start + count)
+                    interleave(even[0], odd[0], disparity[v, begin:end])
+                    interleave(even[1], odd[1], depth[v, begin:end])
+                    interleave(even[2], odd[2], out_std[v, begin:end])
+                    interleave(even[3], odd[3], out_confidence[v, begin:end])
+                    interleave(even[4], odd[4], out_status[v, begin:end])
+                if side == 2:
+                    at = count - 1
+                    disparity[v, width - 1], depth[v, width - 1] = values[at], depths[at]
+                    out_std[v, width - 1] = spreads[at]
+                    out_confidence[v, width - 1] = certainties[at]
+                    out_status[v, width - 1] = np.uint8(codes[at])
+
+
+@part()
+def interleave(even, odd, out):
+    """Write the numbers of two stack rows in turn."""
+    for x in range(out.size // 2):
+        out[2 * x] = even[x]
+        out[2 * x + 1] = odd[x]

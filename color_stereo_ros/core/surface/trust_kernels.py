@@ -1,0 +1,381 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels of the surface method: how far a node can be trusted; see `_grid_kernels`."""
+
+import math
+
+import numpy as np
+
+from ..compiled.bands import band, banded, BANDS, serial
+from ..compiled.parts import part
+from ..compiled.stack import LENGTH, stack_row
+from ..status import Status
+from .grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
+
+CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
+BENT = F4(0.8)        # standard deviation per distance of the neighbors, fitted likewise
+ISLAND = F4(-50)    # log-odds of a node in too small a segment
+WHOLE = 16          # what a bright node counts in a segment; a black one counts 1
+HOPELESS = F4(-200)  # log-odds where no range is possible
+LEAST_ODDS, MOST_ODDS = F4(-6), F4(14)  # of a node, where they are interpolated; 14: 1 - 1e-6
+UNKNOWN = F4(-100)  # log-odds of a node without disparity
+PITCH_DARK = F4(1)  # DN of summed channels: darker nodes get no range from their neighbors
+MURK = F4(3)      # DN of summed channels: below, brightness is mostly noise and scattered light
+VALID = np.uint8(Status.VALID)
+OUTSIDE_IMAGE = np.uint8(Status.OUTSIDE_IMAGE)
+DARK = np.uint8(Status.DARK)
+SATURATED = np.uint8(Status.SATURATED)
+NO_MATCH = np.uint8(Status.NO_MATCH)
+AMBIGUOUS = np.uint8(Status.AMBIGUOUS)
+INCONSISTENT = np.uint8(Status.INCONSISTENT)
+OUT_OF_RANGE = np.uint8(Status.OUT_OF_RANGE)
+IMPLAUSIBLE = np.uint8(Status.IMPLAUSIBLE)
+
+
+@serial(fastmath=FAST)
+def brightness_balance(d, misfit, left_s, right_s, step, worst, balance, weight):
+    """
+    Compare the brightness of every step-th node with that of its place in the right image.
+
+    balance, float32 (h, w), takes (left - right) / (left + right), weight 1 where the misfit is
+    below `worst` and 0 elsewhere; balance is 0 there.
+
+    """
+    width = right_s.shape[1]
+    for row in range(balance.shape[0]):
+        y = PAD + row * step + step // 2
+        for column in range(balance.shape[1]):
+            x = column * step + step // 2
+            place = F4(2 * x) - d[y, x + PAD]
+            known = (misfit[y, x + PAD] < worst) & (place >= F4(0)) & (place < F4(width - 1))
+            at = np.int32(place if known else F4(0))
+            found = imbalance(left_s[y, x + PAD], right_s[y, at])
+            balance[row, column] = found if known else F4(0)
+            weight[row, column] = F4(1) if known else F4(0)
+
+
+@part(fastmath=FAST)
+def imbalance(left, right):
+    """Return the difference of two brightnesses (DN) over their sum, steadied near black."""
+    return (left - right) / (left + right + F4(2) * MURK)
+
+
+@banded(fastmath=FAST)
+def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, columns, model,
+          evidence, trust):
+    """
+    Log-odds that a node is right within 1 px, from how well its plane fits.
+
+    evidence, float32 (5, rows, columns): square roots of the cost of the best shifted window,
+    of the mean misfit of the 3 x 3 nodes, of the standard deviation (px), of the mean distance
+    of the four neighbors from the plane (px), and of how far the `imbalance` of left and right
+    brightness is from `balance`, float32 (rows, columns), that of the surroundings; roots, since
+    logarithms are not vectorized. With x = (1, evidence), trust = x . model x, framed; model is
+    float32 (6, 6), upper triangular. UNKNOWN where d is unknown or nothing tells it.
+
+    """
+    ninth, quarter = F4(1.0 / 9.0), F4(0.25)
+    last_place = F4(right_s.shape[1] - 1)
+    first, last = band(k, rows)
+    e0, e1, e2, e3 = stack_row(), stack_row(), stack_row(), stack_row()
+    e4, log_odds = stack_row(), stack_row()
+    for row in range(first, last):
+        y = row + PAD
+        bright = right_s[y]
+        for start in range(0, columns, TILE_COLUMNS):
+            left, count = start + PAD, min(TILE_COLUMNS, columns - start)
+            right = left + count
+            above, below = d[y - 1, left:right], d[y + 1, left:right]
+            here = d[y, left - 1:right + 1]
+            lean_x, lean_y = a[y, left:right], b[y, left:right]
+            chi0 = misfit[y - 1, left - 1:right + 1]
+            chi1 = misfit[y, left - 1:right + 1]
+            chi2 = misfit[y + 1, left - 1:right + 1]
+            fit, spread = cost[y, left:right], variance[y, left:right]
+            own_s, usual = left_s[y, left:right], balance[row, start:start + count]
+            for x in range(count):
+                total = F4(0)
+                for i in range(3):
+                    total += capped(chi0[x + i]) + capped(chi1[x + i]) + capped(chi2[x + i])
+                center = here[x + 1]
+                apart = (apartness(here[x + 2] - center - lean_x[x])
+                         + apartness(here[x] - center + lean_x[x])
+                         + apartness(below[x] - center - lean_y[x])
+                         + apartness(above[x] - center + lean_y[x]))
+                place = F4(2 * (start + x)) - center
+                place = place if (place >= F4(0)) & (place < last_place) else F4(0)
+                at = np.int32(place)
+                low, high = bright[np.uint32(at)], bright[np.uint32(at + 1)]
+                other = low + (high - low) * (place - F4(at))
+                e0[x] = math.sqrt(capped(fit[x]))
+                e1[x] = math.sqrt(total * ninth)
+                e2[x] = math.sqrt(math.sqrt(min(spread[x], F4(1))))
+                e3[x] = math.sqrt(quarter * apart)
+                e4[x] = math.sqrt(min(abs(imbalance(own_s[x], other) - usual[x]), F4(1)))
+                known = (center == center) & (spread[x] < F4(np.inf))
+                odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
+                log_odds[x] = odds if known else UNKNOWN
+            for x in range(count):
+                evidence[0, row, start + x] = e0[x]
+                evidence[1, row, start + x] = e1[x]
+                evidence[2, row, start + x] = e2[x]
+                evidence[3, row, start + x] = e3[x]
+                evidence[4, row, start + x] = e4[x]
+                trust[y, left + x] = log_odds[x]
+
+
+@part(fastmath=FAST)
+def quadratic(m, a, b, c, d, e):
+    """Return x . m x of x = (1, a, b, c, d, e) and an upper triangular m."""
+    return (m[0, 0]
+            + a * (m[0, 1] + m[1, 1] * a + m[1, 2] * b + m[1, 3] * c + m[1, 4] * d + m[1, 5] * e)
+            + b * (m[0, 2] + m[2, 2] * b + m[2, 3] * c + m[2, 4] * d + m[2, 5] * e)
+            + c * (m[0, 3] + m[3, 3] * c + m[3, 4] * d + m[3, 5] * e)
+            + d * (m[0, 4] + m[4, 4] * d + m[4, 5] * e)
+            + e * (m[0, 5] + m[5, 5] * e))
+
+
+@part(fastmath=FAST)
+def capped(misfit):
+    """Return a misfit, at most CEILING; NaN counts as that."""
+    return misfit if misfit < CEILING else CEILING
+
+
+@part(fastmath=FAST)
+def apartness(difference):
+    """Return the magnitude of a difference, at most 2 px; NaN counts as that."""
+    size = abs(difference)
+    return size if size < F4(2) else F4(2)
+
+
+@part()
+def root_of(parent, node):
+    """Return the representative of a node's segment, and shorten the path to it."""
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
+
+
+@serial()
+def remove_islands(d, a, b, trust, s, bright, rows, columns, step, least_size, run_of, first,
+                   parent, size):
+    """
+    Distrust small segments: set trust to ISLAND where fewer than least_size nodes hang together.
+
+    Two neighbors hang together if both have positive trust and one lies within `step` px of the
+    plane of the other. A node whose brightness s is below `bright` (DN) counts for as much less:
+    dark nodes match by chance, and many must agree. Segments are found by runs: nodes of one row
+    that hang together. run_of, first, parent and size are int32 scratch (rows * columns).
+
+    """
+    ends = np.empty(BANDS, I4)
+    join_nodes(d, a, b, trust, s, bright, rows, columns, step, run_of, first, parent, size, ends)
+    for k in range(1, BANDS):
+        join_bands(d, b, trust, band(k, rows)[0], columns, step, run_of, parent)
+    for k in range(BANDS):
+        for run in range(band(k, rows)[0] * columns, ends[k]):
+            root = root_of(parent, run)
+            if root != run:
+                size[root] += size[run]
+    for k in range(BANDS):
+        for run in range(band(k, rows)[0] * columns, ends[k]):
+            if size[root_of(parent, run)] < WHOLE * least_size:
+                node = first[run]
+                while node < rows * columns and run_of[node] == run:
+                    trust[node // columns + PAD, node % columns + PAD] = ISLAND
+                    node += 1
+
+
+@banded(fastmath=FAST)
+def join_nodes(k, d, a, b, trust, s, bright, rows, columns, step, run_of, first, parent, size,
+               ends):
+    """
+    Join the nodes of each band to runs and the runs to segments; see `remove_islands`.
+
+    The runs of a band are counted from its first node on, ends is where that ends. size is in
+    parts of a bright node, WHOLE of which make one.
+
+    """
+    first_row, last_row = band(k, rows)
+    runs = first_row * columns
+    # 1 trusted, + 2 hangs together with the left, + 4 with the upper node, + 8 times the size
+    links = stack_row()
+    whole, one = F4(WHOLE), F4(1)
+    parts = whole / bright
+    for row in range(first_row, last_row):
+        y = row + PAD
+        last_run, last_above = -1, -1
+        for start in range(0, columns, LENGTH):
+            count = min(LENGTH, columns - start)
+            left, right = start + PAD, start + PAD + count
+            here, before, above = d[y, left:right], d[y, left - 1:right - 1], d[y - 1, left:right]
+            lean, lean_before = a[y, left:right], a[y, left - 1:right - 1]
+            fall, fall_above = b[y, left:right], b[y - 1, left:right]
+            own, trust_before = trust[y, left:right], trust[y, left - 1:right - 1]
+            trust_above, light = trust[y - 1, left:right], s[y, left:right]
+            for x in range(count):
+                trusted = own[x] > 0
+                step_x, step_y = here[x] - before[x], here[x] - above[x]
+                with_left = trusted & (trust_before[x] > 0) & (
+                    (abs(step_x - lean_before[x]) < step) | (abs(step_x - lean[x]) < step))
+                with_upper = trusted & (trust_above[x] > 0) & (
+                    (abs(step_y - fall_above[x]) < step) | (abs(step_y - fall[x]) < step))
+                weight = F4(I4(max(min(parts * light[x], whole), one)))
+                links[x] = ((F4(1) + F4(8) * weight if trusted else F4(0))
+                            + (F4(2) if with_left else F4(0)) + (F4(4) if with_upper else F4(0)))
+            for x in range(count):
+                node = row * columns + start + x
+                link = np.int32(links[x])
+                if link == 0:
+                    run_of[node] = -1
+                    continue
+                if link & 2:
+                    run = run_of[node - 1]
+                    size[run] += link >> 3
+                else:
+                    run = runs
+                    first[run] = node
+                    parent[run] = run
+                    size[run] = link >> 3
+                    runs += 1
+                run_of[node] = run
+                if link & 4 and row > first_row:
+                    upper = run_of[node - columns]
+                    if upper != last_above or run != last_run:
+                        last_run, last_above = run, upper
+                        parent[root_of(parent, run)] = root_of(parent, upper)
+    ends[k] = runs
+
+
+@part()
+def join_bands(d, b, trust, row, columns, step, run_of, parent):
+    """Join the runs of a row to those of the row above, which belongs to another band."""
+    y = row + PAD
+    if row == 0 or row * columns >= run_of.size:
+        return
+    for x in range(columns):
+        here, above = x + PAD, row * columns + x - columns
+        change = d[y, here] - d[y - 1, here]
+        if trust[y, here] > 0 and trust[y - 1, here] > 0 and (
+                abs(change - b[y - 1, here]) < step or abs(change - b[y, here]) < step):
+            parent[root_of(parent, run_of[above + columns])] = root_of(parent, run_of[above])
+
+
+@part()
+def whole_below(value):
+    """Return the largest whole number up to a value, float32: math.floor is a call."""
+    whole = F4(np.int32(value))
+    return whole - F4(1) if whole > value else whole
+
+
+@banded()
+def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, owners, trusts):
+    """
+    Mark nodes whose place in the right image belongs to a more trusted surface.
+
+    Every node covers the right columns that its footprint reaches; per column the most trusted
+    node is kept. A node is hidden where that node's surface, continued along its own plane,
+    does not pass through it. owners, int32, and trusts, float32, are scratch (BANDS, width).
+
+    """
+    first, last = band(k, rows)
+    owner, most = owners[k], trusts[k]
+    flags, lows, highs = stack_row(), stack_row(), stack_row()
+    for row in range(first, last):
+        y = row + PAD
+        dd, aa = d[y, PAD:PAD + columns], a[y, PAD:PAD + columns]
+        own = trust[y, PAD:PAD + columns]
+        marks = hidden[y, PAD:PAD + columns]
+        owner[:] = -1
+        most[:] = ISLAND
+        for start in range(0, columns, LENGTH):
+            count = min(LENGTH, columns - start)
+            places, leans = dd[start:start + count], aa[start:start + count]
+            for i in range(count):
+                center = F4(2 * (start + i)) - (places[i] if places[i] == places[i] else F4(0))
+                reach = min(max(F4(0.5), F4(1) - F4(0.5) * leans[i]), F4(4))
+                lows[i] = -whole_below(reach - center)
+                highs[i] = whole_below(center + reach)
+            for i in range(count):
+                x = start + i
+                if own[x] > ISLAND:
+                    low = max(np.int32(lows[i]), np.int32(0))
+                    high = min(np.int32(highs[i]), np.int32(width - 1))
+                    for at in range(low, high + 1):
+                        if own[x] > most[at]:
+                            most[at] = own[x]
+                            owner[at] = x
+        for start in range(0, columns, TILE_COLUMNS):
+            count = min(TILE_COLUMNS, columns - start)
+            for i in range(count):
+                x = start + i
+                known = own[x] > ISLAND
+                place = whole_below(F4(2 * x) + F4(0.5) - (dd[x] if known else F4(0)))
+                known = known & (place >= 0) & (place < width)
+                rival = owner[np.uint32(place if known else 0)]
+                known = known & (rival >= 0)
+                at = np.uint32(rival if known else 0)
+                away = F4(x) - F4(rival)
+                apart = abs(dd[at] + aa[at] * away - dd[x])
+                flags[i] = F4(1) if known & (
+                    apart > tolerance + F4(0.25) * abs(away)) else F4(0)
+            for i in range(count):
+                marks[start + i] = flags[i] > F4(0)
+
+
+@banded(fastmath=FAST)
+def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
+           saturation, dark, hidden_odds, vague, std, odds, reason):
+    """
+    Turn evidence into log-odds, standard deviation and the reason why there may be no range.
+
+    limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes. vague
+    (px): the standard deviation of a plane from which on the colors around a node are too uniform
+    to tell. The standard deviation grows with the distance of the neighbors from the plane: there
+    a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
+    it gets a frame of the nearest nodes left and right. reason takes the codes of types.Status.
+
+    """
+    too_vague = vague * vague
+    lowest, highest = limits[0], limits[1]
+    first, last = band(k, rows)
+    spreads, sums, codes = stack_row(), stack_row(), stack_row()
+    for row in range(first, last):
+        y = row + PAD
+        for start in range(0, columns, LENGTH):
+            count = min(LENGTH, columns - start)
+            left, right = start + PAD, start + PAD + count
+            dd, noise, fit = d[y, left:right], variance[y, left:right], cost[y, left:right]
+            trusts, behind = trust[y, left:right], hidden[y, left:right]
+            peaks, light = peak[y, left:right], s[y, left:right]
+            aparts = evidence[3, row, start:start + count]
+            for x in range(count):
+                is_hidden = behind[x] != 0
+                apart = BENT * aparts[x] * aparts[x]
+                spread = math.sqrt(CORRELATED * noise[x] + apart * apart)
+                vaguer = noise[x] > too_vague
+                bright = peaks[x] >= saturation
+                outside = peaks[x] < F4(0)
+                inside_limits = (dd[x] >= lowest) & (dd[x] <= highest)  # not if NaN
+                # the first reason in the order of looking wins: it is asked for last
+                code = NO_MATCH if fit[x] > F4(0.3) * CEILING else IMPLAUSIBLE
+                code = AMBIGUOUS if spread > vague else code
+                code = INCONSISTENT if is_hidden else code
+                code = code if inside_limits else OUT_OF_RANGE
+                code = AMBIGUOUS if vaguer else code
+                code = code if dd[x] == dd[x] else NO_MATCH
+                code = DARK if (light[x] < dark) & (not bright) else code
+                code = SATURATED if bright else code
+                code = OUTSIDE_IMAGE if outside else code
+                hopeless = (outside | vaguer | (not inside_limits) | (trusts[x] < -MOST_ODDS)
+                            | ((light[x] < PITCH_DARK) & (not bright)))
+                spreads[x] = spread
+                sums[x] = HOPELESS if hopeless else (
+                    trusts[x] + (hidden_odds if is_hidden else F4(0)))
+                codes[x] = F4(code)
+            for x in range(count):
+                std[y, left + x] = spreads[x]
+                odds[y, left + x] = sums[x]
+                reason[y, left + x] = np.uint8(codes[x])
+        odds[y, PAD - 1] = odds[y, PAD]
+        odds[y, PAD + columns] = odds[y, PAD + columns - 1]

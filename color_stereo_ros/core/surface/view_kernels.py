@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels of the surface method: from images to the colors of nodes; see `_grid_kernels`."""
+
+import math
+
+import numpy as np
+
+from ..compiled.bands import band, banded, serial
+from ..compiled.parts import part
+from ..compiled.stack import LENGTH, stack_row
+from .grid_kernels import F4, FAST, FLAT, I4, PAD, U4
+
+
+@banded()
+def box_sums(k, pixels, out):
+    """
+    Sum 2 x 2 pixels into uint32 (H, W): red + green 2^10 + blue 2^20.
+
+    pixels, uint32 (H, W), hold red, green, blue and anything in ascending bytes. out[y, x] covers
+    the pixels x, x + 1 of the rows y, y + 1; last row and column are repeated. Four bytes add up
+    to ten bits, so that colors can be added, and gathered, as one number.
+
+    """
+    height, width = out.shape
+    first, last = band(k, height)
+    for y in range(first, last):
+        above = pixels[y]
+        below = pixels[min(y + 1, height - 1)]
+        row = out[y]
+        for x in range(width):
+            a, b = above[x], below[x]
+            red = U4((a & U4(0xff)) + (b & U4(0xff)))
+            green = U4((a & U4(0xff00)) + (b & U4(0xff00)))
+            blue = U4((a & U4(0xff0000)) + (b & U4(0xff0000)))
+            row[x] = red | U4(green << U4(2)) | U4(blue << U4(4))
+        for x in range(width - 1):
+            row[x] = U4(row[x] + row[x + 1])
+        row[width - 1] = U4(row[width - 1] + row[width - 1])
+
+
+@serial()
+def channel_levels(pixels, step, known_dark, darkest, dark, mean):
+    """
+    Dark level and mean above it of each channel (float32 (3,), DN) in every step-th pixel.
+
+    pixels is uint8 (H, W, 3 or more). The dark level is known_dark, or if that is negative the
+    level that half a percent of the pixels do not exceed, at most `darkest`: above that is light.
+
+    """
+    counts = np.zeros((3, 256), np.int64)
+    total = 0
+    for y in range(step // 2, pixels.shape[0], step):
+        for x in range(step // 2, pixels.shape[1], step):
+            for channel in range(3):
+                counts[channel, pixels[y, x, channel]] += 1
+            total += 1
+    for channel in range(3):
+        level = known_dark
+        if known_dark < F4(0):
+            at, seen = 0, counts[channel, 0]
+            while at < darkest and seen <= total // 200:
+                at += 1
+                seen += counts[channel, at]
+            level = F4(at)
+        above = F4(0)
+        for at in range(256):
+            above += F4(counts[channel, at]) * max(F4(at) - level, F4(0))
+        dark[channel] = level
+        mean[channel] = above / F4(total)
+
+
+@banded(fastmath=FAST)
+def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise,
+                  widening, ring, u, v, s, peak, variance):
+    """
+    Rectify: sample box sums bilinearly at mapped positions and turn them into chromaticity.
+
+    box is uint32 flat with `stride` entries a row, see `box_sums`; index int32 (h, w) names the
+    upper left neighbor, -1 = outside. Writes u = (2 r - g - b) / (s + soft),
+    v = sqrt(3) (g - b) / (s + soft), s = r + g + b (DN, dark level subtracted, gains applied),
+    peak, the brightest raw channel (DN), and the variance of each chromaticity,
+    (floor + shot s + relative s^2) / s^2 with noise = (floor, shot, relative), FLAT where a color
+    says nothing: outside, from the peak `saturation` on, or black. Outside u = v = s = 0,
+    peak = -1.
+
+    widening, float32 (2, h, w) along rows and columns, evens out what nodes see through, see
+    `widen_row`; (2, 0, 0): nothing is to be done. ring is float32 (BANDS, 3, 3, w): the last three
+    rows of u, those of v, and room for what nobody needs of the bands beside.
+
+    """
+    rows = index.shape[0]
+    first, last = band(k, rows)
+    if first == last:
+        return
+    plain = widening.shape[1] == 0
+    low, high = (first, last) if plain else (max(first - 1, 0), min(last + 1, rows))
+    us, vs, spare = ring[k, 0], ring[k, 1], ring[k, 2]
+    for y in range(low, high + 1):
+        if y < high:
+            own = (y >= first) & (y < last)
+            sample_row(box, index[y], frac_x[y], frac_y[y], stride, dark, gain, soft, saturation,
+                       noise, u[y] if plain else us[y % 3], v[y] if plain else vs[y % 3],
+                       s[y] if own else spare[0], peak[y] if own else spare[1],
+                       variance[y] if own else spare[2])
+        here = y - 1
+        if (not plain) & (here >= first) & (here < last):
+            above, below = max(here - 1, 0) % 3, min(here + 1, rows - 1) % 3
+            widen_row(us[above], us[here % 3], us[below], vs[above], vs[here % 3], vs[below],
+                      widening[0, here], widening[1, here], u[here], v[here])
+
+
+@part(fastmath=FAST)
+def sample_row(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v, s,
+               peak, variance):
+    """Sample one row of nodes, see `sample_colors`."""
+    columns = index.size
+    dark_r, dark_g, dark_b = dark[0], dark[1], dark[2]
+    gain_r, gain_g, gain_b = gain[0], gain[1], gain[2]
+    floor, shot, relative = noise
+    root3, one, zero = F4(math.sqrt(3.0)), F4(1), F4(0)
+    quarter, ten_bits = F4(0.25), U4(1023)
+    us, vs, totals = stack_row(), stack_row(), stack_row()
+    peaks, spreads = stack_row(), stack_row()
+    for start in range(0, columns, LENGTH):
+        stop = min(start + LENGTH, columns)
+        places = index[start:stop]
+        row_x, row_y = frac_x[start:stop], frac_y[start:stop]
+        for x in range(stop - start):
+            outside = places[x] < 0
+            p = U4(0 if outside else places[x])
+            q = U4(p + stride)
+            c00, c01, c10, c11 = box[p], box[U4(p + U4(1))], box[q], box[U4(q + U4(1))]
+            fx, fy = row_x[x], row_y[x] * quarter
+            gx, gy = one - fx, quarter - fy
+            w00, w01, w10, w11 = gx * gy, fx * gy, gx * fy, fx * fy
+            r = (w00 * F4(I4(c00 & ten_bits)) + w01 * F4(I4(c01 & ten_bits))
+                 + w10 * F4(I4(c10 & ten_bits)) + w11 * F4(I4(c11 & ten_bits)))
+            g = (w00 * F4(I4((c00 >> U4(10)) & ten_bits))
+                 + w01 * F4(I4((c01 >> U4(10)) & ten_bits))
+                 + w10 * F4(I4((c10 >> U4(10)) & ten_bits))
+                 + w11 * F4(I4((c11 >> U4(10)) & ten_bits)))
+            b = (w00 * F4(I4(c00 >> U4(20))) + w01 * F4(I4(c01 >> U4(20)))
+                 + w10 * F4(I4(c10 >> U4(20))) + w11 * F4(I4(c11 >> U4(20))))
+            highest = max(r, max(g, b))
+            r = max(r - dark_r, zero) * gain_r
+            g = max(g - dark_g, zero) * gain_g
+            b = max(b - dark_b, zero) * gain_b
+            total = r + g + b
+            scale = one / (total + soft)
+            inverse = one / max(total, F4(1e-3))
+            spread = relative + inverse * (shot + floor * inverse)
+            silent = outside | (highest >= saturation) | (spread > FLAT)
+            us[x] = zero if outside else (r + r - g - b) * scale
+            vs[x] = zero if outside else (g - b) * (scale * root3)
+            totals[x] = zero if outside else total
+            peaks[x] = -one if outside else highest
+            spreads[x] = FLAT if silent else spread
+        for x in range(stop - start):
+            u[start + x] = us[x]
+            v[start + x] = vs[x]
+            s[start + x] = totals[x]
+            peak[start + x] = peaks[x]
+            variance[start + x] = spreads[x]
+
+
+@part(fastmath=FAST)
+def widen_row(u0, u1, u2, v0, v1, v2, gain_x, gain_y, out_u, out_v):
+    """
+    Add second differences along and across a row to its chromaticities, each times its gain.
+
+    u0, u1, u2 are the row above, the row and the row below; the outermost nodes are copied. A
+    gain g widens the kernel through which a node sees by 2 g in variance, nodes^2; a negative one
+    narrows it.
+
+    """
+    last = u1.size - 1
+    one, two = F4(1), F4(2)
+    for place in (0, last):
+        out_u[place], out_v[place] = u1[place], v1[place]
+    before_u, here_u, after_u = u1[:last - 1], u1[1:last], u1[2:]
+    before_v, here_v, after_v = v1[:last - 1], v1[1:last], v1[2:]
+    above_u, below_u, above_v, below_v = u0[1:last], u2[1:last], v0[1:last], v2[1:last]
+    along, across = gain_x[1:last], gain_y[1:last]
+    inner_u, inner_v = out_u[1:last], out_v[1:last]
+    for x in range(inner_u.size):
+        own = one - two * (along[x] + across[x])
+        inner_u[x] = (own * here_u[x] + along[x] * (before_u[x] + after_u[x])
+                      + across[x] * (above_u[x] + below_u[x]))
+    for x in range(inner_v.size):
+        own = one - two * (along[x] + across[x])
+        inner_v[x] = (own * here_v[x] + along[x] * (before_v[x] + after_v[x])
+                      + across[x] * (above_v[x] + below_v[x]))
+
+
+@serial(fastmath=FAST)
+def add_color_sums(left_u, left_v, right_u, right_v, d, misfit, worst, rows, columns, step_y,
+                   step_x, normal, target):
+    """
+    Add x x^T to normal (3, 3) and x y^T to target (3, 2), float64, of matched colors.
+
+    x = (u, v, 1) at the place of a node in the right image (linear interpolation), y = (u, v) of
+    the node. Every step_y-th row and step_x-th column counts, from the second on, where the
+    misfit is below `worst`.
+
+    """
+    width = right_u.shape[1]
+    for y in range(PAD + 1, PAD + rows, step_y):
+        for x in range(PAD + 1, PAD + columns, step_x):
+            if not misfit[y, x] < worst:
+                continue
+            place = F4(2 * (x - PAD)) - d[y, x]
+            i = min(max(np.int32(place), np.int32(0)), np.int32(width - 2))
+            t = place - F4(i)
+            u = right_u[y, i] + t * (right_u[y, i + 1] - right_u[y, i])
+            v = right_v[y, i] + t * (right_v[y, i + 1] - right_v[y, i])
+            color, goal = (u, v, F4(1)), (left_u[y, x], left_v[y, x])
+            for row in range(3):
+                for column in range(3):
+                    normal[row, column] += color[row] * color[column]
+                for column in range(2):
+                    target[row, column] += color[row] * goal[column]

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The colors of one camera on its half grid.
+
+Where the nodes of a half grid (see `_grid_kernels`) lie in the raw image of a camera, through
+what they see it, and what color each of them has.
+
+"""
+
+from functools import cached_property
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+
+from ..cameras.rectification import inside_image, raw_coordinates
+from ..compiled.bands import BANDS
+from .grid_kernels import F4, FLAT, PAD
+from .view_kernels import box_sums, channel_levels, sample_colors
+
+SOFT = F4(0.5)      # DN: keeps the chromaticity of black finite
+NOISE = F4(6.0), F4(0.25), F4(0.0006)  # DN^2, DN, 1: a plausible camera; its scale is measured
+PIXEL_VARIANCE = 0.75  # px^2, of a pixel behind a mosaic and the sum of two of them
+LEAST_GAIN, MOST_GAIN = 0.02, 0.25  # of second differences: worth the time, and still tame
+FOLD = 0.1          # of the usual area of a node in the raw image: less is no image of anything
+DARKEST = 24  # DN: an estimated dark level above this is light
+PRINT_KNEE = F4(24.0)  # DN added to the brightness before its logarithm
+PRINT_RADIUS = 4  # nodes around, than which print is brighter or darker by
+LEAST_PRINT = F4(0.2)  # or more; what exceeds that counts as chromaticity
+PRINT_GAIN = F4(0.6)  # times so much, under slow patterns
+
+
+class View:
+    """The colors of one camera on its half grid, and the buffers for them."""
+
+    def __init__(self, camera, rows, columns, step_x, shape, rectified, arena):
+        """Build the map; see `half_grid_index` for the arguments."""
+        places = None if rectified else raw_coordinates(
+            half_grid_camera(camera, rows, columns, step_x))
+        self.index = [arena.copy(each) for each in half_grid_index(
+            camera, rows, columns, step_x, shape, places)]
+        self.inside = self.index[0] >= 0  # the raw image
+        self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
+        self.box = arena.empty((camera.height, camera.width), np.uint32)
+        self.columns_per_node = 2 // step_x
+        self.kernel_variance = kernel_variance(camera, rows, columns, step_x, places)
+        self.widening = np.empty((2, 0, 0), F4)
+        self.ring = arena.empty((BANDS, 3, 3, shape[1]), F4)
+        self.u, self.v, self.s, self.peak, self.variance = (
+            arena.zeros(shape, F4) for _ in range(5))
+
+    def even_out(self, variance, arena):
+        """Prepare to let all nodes see through kernels of the same variance, px^2."""
+        step_x = 2 // self.columns_per_node
+        squares = np.array([[[step_x ** 2]], [[2 ** 2]]])
+        gain = np.nan_to_num(0.5 * (variance - self.kernel_variance) / squares)
+        gain = np.clip(gain, -MOST_GAIN, MOST_GAIN)
+        if np.abs(gain).max() < LEAST_GAIN:
+            return
+        self.widening = arena.zeros((2, *self.u.shape), F4)
+        inner = framed_area(*gain.shape[1:], first_column(step_x))
+        for plane, found in zip(self.widening, gain):
+            plane[inner] = found
+        # second differences need neighbors, and outside the raw image there is no color
+        surrounded = cv2.erode(self.inside.view(np.uint8), np.ones((3, 3), np.uint8),
+                               borderValue=0)
+        self.widening[:, surrounded == 0] = 0
+
+    def load(self, image, color):
+        """
+        Take an image, uint8 (H, W, 3).
+
+        Returns
+        -------
+        dark, mean : numpy.ndarray, float32, shape (3,)
+            Dark level of each channel and mean above it, DN.
+
+        """
+        cv2.cvtColor(image, cv2.COLOR_RGB2RGBA, dst=self.pixels)  # four bytes are one number
+        step = min(16, max(1, min(image.shape[:2]) // 32))
+        dark, mean = np.empty((2, 3), F4)
+        channel_levels(self.pixels, step, F4(color.dark_level), DARKEST, dark, mean)
+        return dark, mean
+
+    def fill(self, dark, gain, color, blur):
+        """
+        Rectify the image into chromaticity, brightness and variance.
+
+        dark: as `load` returns it; gain: float32 (3,) of the channels. blur is the radius, in
+        nodes, over which the colors of slow patterns are averaged.
+
+        """
+        box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
+        sample_colors(self.box.reshape(-1), *self.index, np.uint32(self.box.shape[1]),
+                      dark, gain, SOFT, F4(color.saturation_level - 1), NOISE,
+                      self.widening, self.ring, self.u, self.v, self.s, self.peak,
+                      self.variance)
+        if blur:
+            size = (1 + 2 * blur * self.columns_per_node, 1 + 2 * blur)
+            for plane in (self.u, self.v):
+                plane[:] = cv2.blur(plane, size)
+            # the noise of neighbors is correlated: averaging helps half as much as counting says
+            informed = self.variance < FLAT
+            self.variance[informed] *= F4(2.0 / (1 + 2 * blur) ** 2)
+            self.add_print()
+
+    def add_print(self):
+        """
+        Let print show in the first chromaticity, beside colors that change slowly.
+
+        Its edges are steep, and both cameras see them alike. Shading is not, and noise does not
+        exceed LEAST_PRINT where there is light.
+
+        """
+        level = np.log(self.s + PRINT_KNEE)
+        level[~self.inside] = 0  # the edge of the image is no print
+        mean = self.surroundings(level) / self.inside_share
+        np.subtract(level, mean, out=level, where=self.inside)
+        excess = np.maximum(np.abs(level) - LEAST_PRINT, F4(0))
+        self.u += PRINT_GAIN * np.copysign(excess, level)
+
+    @cached_property
+    def inside_share(self):
+        """Share of the nodes around each one that lie inside the raw image, float32, above 0."""
+        return np.maximum(self.surroundings(self.inside.astype(F4)), F4(1e-3))
+
+    def surroundings(self, plane):
+        """Return the mean of a plane over the nodes around each one, of which print stands out."""
+        return cv2.blur(plane, (1 + 2 * PRINT_RADIUS * self.columns_per_node,
+                                1 + 2 * PRINT_RADIUS))
+
+
+def half_grid_index(camera, rows, columns, step_x, shape, places):
+    """
+    Return where the nodes of a half grid lie in the raw image.
+
+    Parameters
+    ----------
+    camera : CameraModel
+    rows, columns : int
+        Nodes; node (j, i) has its center at column step_x i + 0.5, row 2 j + 0.5.
+    step_x : int
+        Columns per node, 2 or 1.
+    shape : (int, int)
+        Of the framed arrays.
+    places : (numpy.ndarray, numpy.ndarray) or None
+        Columns and rows of the nodes in the raw image, px; None where it arrives rectified.
+
+    Returns
+    -------
+    index : numpy.ndarray, int32, framed
+        Upper left neighbor in the flat box sums; -1 = outside.
+    frac_x, frac_y : numpy.ndarray, float32, framed
+        Position between the neighbors, 0..1.
+
+    """
+    if places is None:
+        x, y = np.meshgrid(np.arange(columns, dtype=F4) * step_x, np.arange(rows, dtype=F4) * 2)
+        inside = np.ones(x.shape, bool)
+    else:
+        x, y = places
+        inside = inside_image(x, y, camera.width, camera.height)
+        # box sums have their centers half a pixel right of and below their index
+        x, y = x - F4(0.5), y - F4(0.5)
+    x, y = np.clip(x, 0, camera.width - 2), np.clip(y, 0, camera.height - 2)
+    left, top = x.astype(np.int32), y.astype(np.int32)
+    area = framed_area(rows, columns, first_column(step_x))
+    index = np.full(shape, -1, np.int32)
+    frac_x, frac_y = np.zeros((2, *shape), F4)
+    index[area] = np.where(inside, top * camera.width + left, -1)
+    frac_x[area], frac_y[area] = x - left, y - top
+    return index, frac_x, frac_y
+
+
+def kernel_variance(camera, rows, columns, step_x, places):
+    """
+    Return the variance of the kernel through which each node sees the scene.
+
+    Pixels, demosaicing, sums of 2 x 2 pixels and linear interpolation average over raw pixels,
+    whose size in rectified ones changes over the image where cameras converge. Two nodes match
+    only as well as their kernels. See `half_grid_index` for the arguments.
+
+    Returns
+    -------
+    variance : numpy.ndarray, float64, shape (2, rows, columns)
+        Along rows and along columns of the rectified image, px^2; NaN outside the raw image.
+
+    """
+    if places is None:
+        return np.full((2, rows, columns), PIXEL_VARIANCE)
+    x, y = (each.astype(np.float64) for each in places)
+    inside = inside_image(x, y, camera.width, camera.height)
+    raw_x, raw_y = (PIXEL_VARIANCE + (each - 0.5) % 1 * (1 - (each - 0.5) % 1) for each in (x, y))
+    (x_y, x_x), (y_y, y_x) = np.gradient(x, 2, step_x), np.gradient(y, 2, step_x)
+    area = np.where(inside, x_x * y_y - x_y * y_x, np.nan)
+    # where the polynomial of a lens turns back there is no lens any more
+    area[~(area > FOLD * np.median(area[inside]) if inside.any() else inside)] = np.nan
+    return np.stack([(y_y / area) ** 2 * raw_x + (x_y / area) ** 2 * raw_y,
+                     (y_x / area) ** 2 * raw_x + (x_x / area) ** 2 * raw_y])
+
+
+def first_column(step_x):
+    """Return the first column of the nodes: the right view, one column a node, has no frame."""
+    return PAD if step_x == 2 else 0
+
+
+def framed_area(rows, columns, first):
+    """Return where the nodes lie in a framed array, a pair of slices."""
+    return np.s_[PAD:PAD + rows, first:first + columns]
+
+
+def half_grid_camera(camera, rows, columns, step_x):
+    """Return the camera whose pixels are the nodes of a half grid."""
+    projection = camera.P[:, :3].copy()
+    projection[:2, 2] -= 0.5
+    return SimpleNamespace(
+        K=camera.K, D=camera.D, R=camera.R, P=np.diag([1.0 / step_x, 0.5, 1.0]) @ projection,
+        width=columns, height=rows, distortion_model=camera.distortion_model)

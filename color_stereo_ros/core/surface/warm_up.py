@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Compile the kernels of the surface method, the last ones first: `python -m ...core.warm_up`.
+
+A process that needs all of them compiles them in the order of the pipeline, in one thread: the
+compiler knows no other way. A second process that comes from the other end meets it half way;
+what one has compiled the other finds in the cache. The kernel that takes longest comes first, so
+that neither waits long for the other where they meet.
+
+"""
+
+import subprocess
+import sys
+
+import numpy as np
+
+from ..cameras.calibration import StereoCalibration
+
+SIZE = 64, 48  # px
+
+
+def some_calibration():
+    """Return a small rig for those who need any; its lenses differ, so that nothing is skipped."""
+    width, height = SIZE
+    camera = np.array([[60.0, 0.0, width / 2], [0.0, 60.0, height / 2], [0.0, 0.0, 1.0]])
+    return StereoCalibration.from_arrays(SIZE, camera, np.array([-0.1, 0.0, 0.0, 0.0]), camera,
+                                         np.array([0.1, 0.0, 0.0, 0.0]), np.eye(3),
+                                         (-0.06, 0.0, 0.0))
+
+
+def is_cold():
+    """Return whether the kernels of this process are compiled and not loaded."""
+    from ..pipeline import KERNELS
+    from .view_kernels import box_sums
+    with KERNELS:
+        box_sums(np.zeros((2, 2), np.uint32), np.empty((2, 2), np.uint32))
+    return sum(box_sums.stats.cache_misses.values()) > 0
+
+
+def start_helper():
+    """
+    Return a process that compiles the last kernels; kill it when it is of no more use.
+
+    None where the system allows no further process: then the kernels take longer, no more.
+
+    """
+    try:
+        return subprocess.Popen([sys.executable, '-m', __name__], stdin=subprocess.DEVNULL,
+                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    except OSError:
+        return None
+
+
+def main():
+    """Fit planes, then go through the other stages of the surface method, the last ones first."""
+    from ..pipeline import Stopwatch
+    from ..settings.groups import Settings
+    from ..triangulation import disparity_limits
+    from .method import STEPS, SurfaceMethod
+    calibration, settings = some_calibration(), Settings()
+    method = SurfaceMethod(settings, calibration,
+                           disparity_limits(calibration.geometry, settings.range))
+    method.fit_planes(method.tiles, 0, 2)
+    method.judge()
+    method.expand(Stopwatch())
+    method.propagate(STEPS[0])
+    method.linearize(method.tiles)
+    method.seed()
+
+
+if __name__ == '__main__':
+    sys.exit(main())

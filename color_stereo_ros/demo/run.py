@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `color_stereo demo` does: start the nodes, play, collect, compare, write."""
+
+from datetime import datetime
+import os
+import platform
+import shutil
+import time
+
+import numpy as np
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from stereo_msgs.msg import DisparityImage
+
+from ..cli import sample
+from ..core import RangeResult, RecordingError, Settings, StereoCalibration
+from ..core.triangulation import disparity_from_depth, disparity_limits
+from ..evaluation.datasets import load_truth
+from ..files.atomic import write_bytes, write_image, write_text
+from ..files.cloud import save_cloud
+from ..messages.images import image_to_rgb, millimeters
+from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
+from ..parameters.files import read_settings
+from ..recordings.recording import Recording
+from .page import depth_preview, make_page, Measurement, one_line, overview, surface_limits
+from .plots import surface_plot
+
+OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
+           'disparity': DisparityImage, 'range_image': Image, 'confidence/image': Image,
+           'status/image': Image}
+
+LOG = 'log'
+MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
+NOTE_EVERY = 3.0  # s: whoever waits is told why, and that something goes on
+READY = 'ready after'  # range_node says so when its kernels are compiled
+
+COMMANDS = """\
+color_stereo replay {recording} --loop
+ros2 run color_stereo_ros range_node --ros-args --params-file {settings}
+ros2 run color_stereo_ros pattern_node --ros-args --params-file {settings}
+ros2 topic echo --no-arr points
+"""
+
+
+class Demo:
+    """
+    One run of the demonstration.
+
+    Parameters
+    ----------
+    samples, output : Path
+    wait : float
+        s that a node may take until its first output.
+
+    Raises
+    ------
+    RecordingError
+        If there are no samples, or one is damaged.
+
+    """
+
+    def __init__(self, samples, output, wait):
+        self.samples = sorted(path.parent for path in samples.glob(f'*/{sample.RECORDING}'))
+        if not self.samples:
+            raise RecordingError(f'{samples}: holds no folder with a {sample.RECORDING}')
+        self.output = output
+        self.wait = wait
+        self._start = time.monotonic()
+
+    def run(self):
+        """Return the path of the page."""
+        self._make_room()
+        write_text(self.output / MARK,
+                   'Made by `color_stereo demo`, which replaces this folder.\n')
+        with ros_node('color_stereo_demo') as node:
+            measurements = [self._measure(node, folder) for folder in self.samples]
+        self._say('writing the page')
+        write_image(self.output / 'overview.png', overview(measurements[-1]))
+        page = self.output / 'index.html'
+        made = (f'Made on {datetime.now():%Y-%m-%d %H:%M} with {os.cpu_count()} processor cores, '
+                f'Python {platform.python_version()}.')
+        first = self.samples[0]
+        write_text(page, make_page(measurements, made, COMMANDS.format(
+            recording=first / sample.RECORDING, settings=first / sample.SETTINGS)))
+        return page
+
+    def _make_room(self):
+        """Remove the output of an earlier run, and nothing else."""
+        if not self.output.exists() or not any(self.output.iterdir()):
+            return
+        if not (self.output / MARK).is_file():
+            raise RecordingError(f'{self.output}: holds something else than the output of an '
+                                 'earlier demo, so it is not replaced')
+        shutil.rmtree(self.output)
+
+    def _say(self, text):
+        print(f'[{time.monotonic() - self._start:5.1f} s] {text}', flush=True)
+
+    def _measure(self, node, folder):
+        """Return the measurement of one sample and write its files."""
+        left, right, calibration = first_pair(folder / sample.RECORDING)
+        truth = load_truth(folder / sample.TRUTH)
+        settings = Settings().updated(read_settings(folder / sample.SETTINGS))
+        messages, pattern, seconds = self._play(node, folder)
+        result = result_from(messages, calibration, settings)
+        measurement = Measurement(
+            name=folder.name, method=settings.matching.method, left=left, right=right,
+            pattern=pattern, range_image=image_to_rgb(messages['range_image']), result=result,
+            points=points_from(messages['points']), truth=truth, seconds=seconds)
+        self._say(f'{folder.name}: {one_line(measurement)}')
+        write_files(self.output / folder.name, measurement)
+        return measurement
+
+    def _play(self, node, folder):
+        """Return the outputs of one stamp, the pattern and the time to the first output."""
+        name = folder.name
+        collector = Collector(node, name, OUTPUTS)
+        patterns = latched(node, Image, f'/{name}/pattern/image')
+        ros = ('--ros-args', '-r', f'__ns:=/{name}', '--params-file', folder / sample.SETTINGS)
+        with Processes(self.output / LOG) as processes:
+            self._say(f'{name}: starting pattern_node and range_node, playing the recording')
+            processes.start(f'{name}_pattern_node', 'color_stereo_ros.nodes.pattern_node', *ros)
+            started = time.monotonic()
+            processes.start(f'{name}_range_node', 'color_stereo_ros.nodes.range_node', *ros)
+            processes.start(f'{name}_replay', 'color_stereo_ros.cli.main', 'replay',
+                            folder / sample.RECORDING, '--loop', '--namespace', name)
+            self._wait(node, processes, name, lambda: patterns and collector.complete_set(),
+                       collector, patterns)
+            seconds = time.monotonic() - started
+            self._say(f'{name}: everything received, {seconds:.1f} s after the start')
+        messages = collector.complete_set()
+        collector.close()
+        return messages, image_to_rgb(patterns[-1]), seconds
+
+    def _wait(self, node, processes, name, condition, collector, patterns):
+        end = time.monotonic() + self.wait
+        while (left := end - time.monotonic()) > 0:
+            if spin_until(node, condition, min(NOTE_EVERY, left), processes.check):
+                return
+            self._say(f'{name}: {waiting_for(name, processes, collector)}')
+        missing = [topic for topic, count in collector.received.items() if not count]
+        missing += [] if patterns else ['pattern/image']
+        raise LiveError(
+            f'{name}: no complete output within {self.wait:.0f} s; nothing came on '
+            f'{", ".join(missing) or "no topic, but never all of one stamp"}. range_node said:\n'
+            f'{processes.log_tail(f"{name}_range_node")}')
+
+
+def waiting_for(name, processes, collector):
+    """Return what a demo waits for, as text."""
+    if READY not in processes.log(f'{name}_range_node'):
+        return ('range_node is compiling its kernels, once per machine; this takes up to a '
+                'minute ...')
+    arrived = sum(count > 0 for count in collector.received.values())
+    return f'range_node is ready; {arrived} of {len(collector.received)} outputs have arrived ...'
+
+
+def first_pair(recording):
+    """Return (left, right, StereoCalibration) of the first pair in a recording."""
+    with Recording(recording) as opened:
+        topics = opened.stereo_topics()
+        found = {}
+        for message in opened.messages(topics.names):
+            found.setdefault(message.topic, opened.decoded(message))
+            if len(found) == len(topics.names):
+                break
+    calibration = StereoCalibration.from_camera_info(found[topics.left_info],
+                                                     found[topics.right_info])
+    return (image_to_rgb(found[topics.left_image]), image_to_rgb(found[topics.right_image]),
+            calibration)
+
+
+def float_image(message):
+    """Return a 32FC1 or mono8 message as an array (H, W)."""
+    kind = {'32FC1': np.float32, 'mono8': np.uint8}[message.encoding]
+    return np.frombuffer(message.data, kind).reshape(message.height, message.width)
+
+
+def points_from(message):
+    """Return x, y, z of an organized cloud of 16 bytes a point, float32 (H, W, 3)."""
+    return _cloud(message)[..., :3]
+
+
+def _cloud(message):
+    values = np.frombuffer(message.data, np.float32)
+    return values.reshape(message.height, message.width, message.point_step // 4)
+
+
+def result_from(messages, calibration, settings):
+    """Return the RangeResult that a set of published messages amounts to."""
+    geometry = calibration.geometry
+    depth = float_image(messages['depth/image'])
+    color = _cloud(messages['points'])[..., 3:].copy().view(np.uint8)
+    return RangeResult(
+        disparity_from_depth(depth, geometry), depth, float_image(messages['confidence/image']),
+        float_image(messages['status/image']), np.full(depth.shape, np.nan, np.float32),
+        color[..., 2::-1], geometry, disparity_limits(geometry, settings.range))
+
+
+def write_files(folder, measurement):
+    """Write pictures, depth and points of a measurement into a folder."""
+    result = measurement.result
+    near, far = surface_limits(result.depth)
+    write_image(folder / 'range_image.png', measurement.range_image)
+    write_image(folder / 'depth_mm.png', millimeters(result.depth))
+    write_image(folder / 'depth_preview.png', depth_preview(result.depth))
+    write_bytes(folder / 'surface.png', surface_plot(measurement.points, near, far))
+    save_cloud(folder / 'points.ply', measurement.points, result.image)

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""range_node: inputs, worker, outputs and services, one module per capability."""

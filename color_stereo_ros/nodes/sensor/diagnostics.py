@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What /diagnostics says: the state of the sensor in the order in which one would look."""
+
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from ...core.account import FEW, main_reason, status_shares
+from ...messages.synchronizer import SIDES
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def diagnostic_array(sensor, name, stamp):
+    """
+    Return the diagnostics of a sensor.
+
+    Parameters
+    ----------
+    sensor : RangeSensor
+    name : str
+        Full name of the node.
+    stamp : builtin_interfaces.msg.Time
+
+    Returns
+    -------
+    message : diagnostic_msgs.msg.DiagnosticArray
+        Four states: inputs, calibration, pattern, range images.
+
+    """
+    parts = {'inputs': _inputs, 'calibration': _calibration, 'pattern': _pattern,
+             'range images': _range_images}
+    message = DiagnosticArray()
+    message.header.stamp = stamp
+    for part, judge in parts.items():
+        level, text, values = judge(sensor)
+        message.status.append(DiagnosticStatus(
+            level=level, name=f'{name.lstrip("/")}: {part}', message=text, hardware_id=name,
+            values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()]))
+    return message
+
+
+def _text(value):
+    if value is None:
+        return 'unknown'
+    return f'{value:.4g}' if isinstance(value, float) else str(value)
+
+
+def _milliseconds(nanoseconds):
+    return None if nanoseconds is None else nanoseconds / 1e6
+
+
+def _inputs(sensor):
+    """Judge arrival, QoS and pairing of the images."""
+    inputs = sensor.inputs
+    report = inputs.synchronizer.report()
+    values = {'pairs': report.pairs, 'pairs dropped for newer ones': sensor.worker.dropped,
+              'tolerance (ms)': report.tolerance / 1e6,
+              'frame period (ms)': _milliseconds(report.period),
+              'skew, median (ms)': _milliseconds(report.skew_median),
+              'skew, largest (ms)': _milliseconds(report.skew_largest),
+              'jumps of time': report.jumps}
+    for side in SIDES:
+        values |= {f'{side} received': report.received[side],
+                   f'{side} refused': inputs.refused[side],
+                   f'{side} without partner': report.unmatched[side],
+                   f'{side} late': report.late[side]}
+    for subscription in inputs.subscriptions:
+        values[subscription.name] = (f'{subscription.publishers} publishers, subscribed '
+                                     f'{subscription.reliability}')
+    return (*_judge_inputs(sensor, report), values)
+
+
+def _judge_inputs(sensor, report):
+    inputs = sensor.inputs
+    mismatches = [f'{subscription.name}: incompatible QoS, {subscription.mismatch}'
+                  for subscription in inputs.subscriptions if subscription.mismatch]
+    if mismatches:
+        return ERROR, '; '.join(mismatches)
+    refusals = [text for text in inputs.refusals.values() if text]
+    if refusals:
+        return ERROR, '; '.join(refusals)
+    complaint = inputs.synchronizer.complaint(sensor.settings.sync.warn_after)
+    if complaint:
+        return WARN, complaint
+    if inputs.zero_stamps:
+        return WARN, 'the stamps are zero: pairs cannot be told apart'
+    if report.period and report.tolerance > report.period / 2:
+        return WARN, (f'sync.tolerance = {report.tolerance / 1e6:.1f} ms exceeds half the frame '
+                      f'period of {report.period / 1e6:.1f} ms: frames may be mixed up')
+    if report.pairs == 0:
+        return OK, 'waiting for the first pair'
+    return OK, 'pairs arrive'
+
+
+def _calibration(sensor):
+    """Judge the CameraInfo messages."""
+    watch = sensor.inputs.calibration
+    values = {f'{side} camera_info received': watch.received[side] for side in SIDES}
+    values['calibrations taken'] = watch.changes
+    if watch.error is not None:
+        return ERROR, watch.error, values
+    if watch.calibration is None:
+        return WARN, _about_no_calibration(watch), values
+    geometry = watch.calibration.geometry
+    values |= {'size (px)': f'{geometry.width} x {geometry.height}',
+               'focal length (px)': geometry.focal_x, 'baseline (m)': geometry.baseline,
+               'cx left - cx right (px)': geometry.principal_offset}
+    warnings = [*watch.warnings, *filter(None, [sensor.inputs.frame_warning])]
+    if warnings:
+        return WARN, '; '.join(warnings), values
+    return OK, 'calibrated', values
+
+
+def _about_no_calibration(watch):
+    if watch.missing:
+        return f'no {" and no ".join(watch.missing)} camera_info has arrived yet'
+    return 'one camera_info has changed, waiting for the other one'
+
+
+def _pattern(sensor):
+    """Judge what pattern_node shows."""
+    watch = sensor.pattern
+    values = {'pattern.type': sensor.settings.pattern.type}
+    if watch.mismatch:
+        return WARN, watch.mismatch, values
+    if not watch.known:
+        return OK, 'nobody tells what is projected (pattern/info)', values
+    return OK, 'the pattern shown is the one that is set', values
+
+
+def _range_images(sensor):
+    """Judge the results and their speed."""
+    worker, account = sensor.worker, sensor.worker.account
+    values = {'rate (Hz)': account.rate(time.monotonic()), 'measured': account.measured,
+              'failed': account.failed, 'without calibration': account.uncalibrated,
+              'latency p50 (ms)': _scaled(account.latency(50)),
+              'latency p99 (ms)': _scaled(account.latency(99)),
+              'subscribed': ', '.join(sensor.outputs.wanted()) or 'nothing',
+              'skipped for want of a subscriber': sensor.skipped}
+    shares = {}
+    if account.result is not None:
+        shares = status_shares(account.result.status)
+        values |= {f'share {name}': share for name, share in shares.items()}
+    return (*_judge_results(sensor, worker, account, shares), values)
+
+
+def _scaled(seconds):
+    return None if seconds is None else seconds * 1000.0
+
+
+def _judge_results(sensor, worker, account, shares):
+    if not sensor.active:
+        return OK, 'inactive'
+    if worker.state != 'ready':
+        return WARN, worker.state
+    if account.error is not None:
+        return ERROR, account.error
+    if sensor.outputs.mismatches:
+        return ERROR, '; '.join(f'{topic}: a subscriber has incompatible QoS, {policy}'
+                                for topic, policy in sensor.outputs.mismatches.items())
+    if sensor.settings.input.mode == 'capture':
+        return OK, 'waiting for a call of ~/capture (input.mode is capture)'
+    if not sensor.outputs.wanted():
+        return OK, f'waiting for a subscriber on {", ".join(sensor.outputs.names)}'
+    if shares and shares['valid'] < FEW:
+        return WARN, f'few pixels have a range: {shares["valid"]:.1%}; {main_reason(shares)}'
+    return OK, 'measuring' if account.measured else 'waiting for the first pair'

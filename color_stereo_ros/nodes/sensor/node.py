@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""range_node as a plain node and as a managed one: the same sensor inside."""
+
+from rclpy.lifecycle import Node as ManagedNode, TransitionCallbackReturn
+from rclpy.node import Node
+
+from ..parameters import NodeParameters, RangeNodeSettings
+from .range_sensor import RangeSensor
+
+NAME = 'range_node'
+
+
+class RangeNode(Node):
+    """Measures from its first moment to its last."""
+
+    def __init__(self):
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+        self.sensor = None
+        parameters = declare(self)
+        self.sensor = RangeSensor(self, parameters)
+        parameters.warn_of_unknown()
+
+    def destroy_node(self):
+        """Stop the sensor, then leave."""
+        if self.sensor is not None:
+            self.sensor.destroy()
+            self.sensor = None
+        super().destroy_node()
+
+
+class LifecycleRangeNode(ManagedNode):
+    """Measures while it is active; topics and services exist from configure to cleanup."""
+
+    def __init__(self):
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+        self.sensor = None
+        self._declared = declare(self)
+
+    def on_configure(self, state):
+        """Create the sensor, which gets ready and takes calibrations, but measures nothing."""
+        self.sensor = RangeSensor(self, self._declared, active=False)
+        self._declared.warn_of_unknown()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state):
+        """Start to measure."""
+        self.sensor.active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state):
+        """Stop to measure."""
+        self.sensor.active = False
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state):
+        """Remove the sensor."""
+        self._drop_sensor()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state):
+        """Remove the sensor for good."""
+        self._drop_sensor()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state):
+        """Remove the sensor, so that it can be configured again."""
+        self._drop_sensor()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _drop_sensor(self):
+        if self.sensor is not None:
+            self.sensor.destroy()
+            self.sensor = None
+
+    def destroy_node(self):
+        """Stop the sensor, then leave."""
+        self._drop_sensor()
+        super().destroy_node()
+
+
+def declare(node):
+    """Declare the parameters of range_node; its sensor, if there is one, follows them."""
+    def check(settings):
+        if node.sensor is not None:
+            node.sensor.check(settings)
+
+    def apply(settings):
+        if node.sensor is not None:
+            node.sensor.configure(settings)
+
+    return NodeParameters(node, RangeNodeSettings(), check, apply)

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one thread that computes: the latest pair in, a result out, errors contained."""
+
+from collections import deque
+from dataclasses import dataclass
+import threading
+import time
+import traceback
+
+import numpy as np
+
+from ...core.pipeline import ColorStereo
+from ...core.surface import warm_up
+from ...errors import ColorStereoError
+from ...messages.images import image_to_rgb
+from ...messages.synchronizer import LatestSlot
+from ..complaints import Complaints
+
+_KEPT = 300
+_PATIENCE = 2.0  # s
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What a `ColorStereo` is built from."""
+
+    calibration: object
+    """StereoCalibration, or None while there is none."""
+    settings: object
+    """RangeNodeSettings."""
+
+    @property
+    def key(self):
+        """Return what two setups with the same `ColorStereo` have in common."""
+        return self.calibration, self.settings.core, self.settings.input.rectified
+
+
+class Account:
+    """What the worker has done; written by its thread, read by others."""
+
+    def __init__(self):
+        self.measured = 0
+        """Pairs that gave a result."""
+        self.failed = 0
+        """Pairs that raised."""
+        self.uncalibrated = 0
+        """Pairs that came while there was no usable calibration."""
+        self.error = None
+        """Text of the latest failure; None after a success."""
+        self.times = deque(maxlen=_KEPT)
+        """When the recent results were published, s of `time.monotonic`."""
+        self.latencies = deque(maxlen=_KEPT)
+        """From the arrival of the second image to the publication of points, s."""
+        self.result = None
+        """The latest RangeResult."""
+
+    def latency(self, percentile):
+        """Return a percentile of the recent latencies, s, or None."""
+        recent = list(self.latencies)
+        return float(np.percentile(recent, percentile)) if recent else None
+
+    def rate(self, now, seconds=5.0):
+        """Return the results per second during the last seconds."""
+        recent = [moment for moment in list(self.times) if now - moment <= seconds]
+        if len(recent) < 2:
+            return len(recent) / seconds
+        return (len(recent) - 1) / max(now - recent[0], recent[-1] - recent[0], 1e-9)
+
+
+class Worker:
+    """
+    Measures pairs in a thread of its own; a newer pair replaces one that waits.
+
+    Parameters
+    ----------
+    setup : Setup
+    publish : callable
+        Called with (result, pair, setup) in the worker's thread.
+    fail : callable
+        Called with (pair, text) in the worker's thread when a pair gives no result.
+    logger : object
+        With the methods of an rclpy logger.
+    prepare : callable
+        Called once with a RangeResult, so that what publishing needs gets warm, too.
+
+    """
+
+    def __init__(self, setup, publish, fail, logger, prepare):
+        self._wanted = setup
+        self._publish = publish
+        self._fail = fail
+        self._prepare = prepare
+        self._logger = logger
+        self._complain = Complaints(lambda text: logger.error(text))
+        self._built = None  # (key, ColorStereo)
+        self._helper = None  # a process that compiles
+        self._slot = LatestSlot()
+        self._thread = threading.Thread(target=self._run, name='color_stereo', daemon=True)
+        self.account = Account()
+        self.state = 'getting ready'
+        """'getting ready', 'ready', or why nothing can be measured."""
+
+    def start(self):
+        """Begin to work."""
+        self._thread.start()
+
+    def stop(self):
+        """Finish the pair at hand and end the thread; a kernel that compiles is not awaited."""
+        self._slot.close()
+        if self._thread.is_alive():
+            self._thread.join(_PATIENCE)
+        helper = self._helper
+        if helper is not None:  # the thread still compiles, and waits for nobody
+            helper.kill()
+
+    @property
+    def dropped(self):
+        """Return how many pairs a newer one replaced."""
+        return self._slot.replaced
+
+    @property
+    def calibration(self):
+        """Return the calibration in force, or None."""
+        return self._wanted.calibration
+
+    def configure(self, setup):
+        """Use another calibration or other settings from the next pair on."""
+        self._wanted = setup
+        self._slot.wake()
+
+    def submit(self, pair):
+        """Measure a pair of Image messages as soon as the one at hand is done."""
+        self._slot.put(pair)
+
+    def _run(self):
+        self._warm_up()
+        while not self._slot.closed:
+            pair = self._slot.take()
+            if self._slot.closed:
+                return
+            try:
+                self._step(pair)
+            except ColorStereoError as error:
+                self._note_failure(pair, str(error))
+            except Exception as error:  # one bad pair must never end the node
+                if self._slot.closed:
+                    return
+                self._note_failure(pair, f'{type(error).__name__}: {error}',
+                                   traceback.format_exc())
+
+    def _warm_up(self):
+        """Compile or load the kernels before the first calibration arrives."""
+        started = time.monotonic()
+        self._logger.info('getting ready: loading the kernels')
+        settings = self._wanted.settings.core
+        if settings.matching.method == 'surface' and warm_up.is_cold():
+            self._logger.info('no compiled kernels are found: they are compiled now, which takes '
+                              'up to a minute, once on this machine')
+            self._helper = warm_up.start_helper()
+        try:
+            stereo = ColorStereo(warm_up.some_calibration(), settings)
+            black = np.zeros((*warm_up.SIZE[::-1], 3), np.uint8)
+            self._prepare(stereo.process(black, black))
+        except ColorStereoError:
+            pass  # limits that do not fit this rig may fit the real one
+        finally:
+            self._end_helper()
+        if self._slot.closed:
+            return
+        self.state = 'ready'
+        self._logger.info(f'ready after {time.monotonic() - started:.1f} s')
+
+    def _end_helper(self):
+        """End the process that helps to compile, if there is one."""
+        if self._helper is not None:
+            self._helper.kill()
+            self._helper.wait()
+            self._helper = None
+
+    def _step(self, pair):
+        setup = self._wanted
+        stereo = self._stereo(setup)
+        if pair is None:
+            return
+        if stereo is None:
+            self._note_uncalibrated(pair)
+            return
+        left, right = (_image(side, message) for side, message in (
+            ('left', pair.left), ('right', pair.right)))
+        result = stereo.process(left, right)
+        if self._wanted.calibration is not setup.calibration:
+            self._note_uncalibrated(pair)
+            return
+        self._publish(result, pair, setup)
+        self._note_success(result)
+
+    def _stereo(self, setup):
+        """Return the ColorStereo of a setup, built again if need be; None without calibration."""
+        if setup.calibration is None:
+            self._built = None
+            return None
+        if self._built is None or self._built[0] != setup.key:
+            self._built = None
+            self.state = 'getting ready'
+            try:
+                self._built = setup.key, ColorStereo(
+                    setup.calibration, setup.settings.core,
+                    rectified_input=setup.settings.input.rectified)
+            finally:
+                self.state = 'ready'
+        return self._built[1]
+
+    def note_published(self, pair):
+        """Take down how long a pair took from its arrival until now."""
+        self.account.latencies.append(time.monotonic() - pair.arrival)
+
+    def _note_success(self, result):
+        self.account.measured += 1
+        self.account.times.append(time.monotonic())
+        self.account.result = result
+        self.account.error = None
+
+    def _note_uncalibrated(self, pair):
+        self.account.uncalibrated += 1
+        self._fail(pair, 'there is no usable calibration')
+
+    def _note_failure(self, pair, text, trace=''):
+        if pair is not None:
+            self.account.failed += 1
+            self._fail(pair, text)
+        self.account.error = text
+        self._complain(f'{text}\n{trace}' if trace else text)
+
+
+def _image(side, message):
+    try:
+        return image_to_rgb(message)
+    except ColorStereoError as error:
+        raise type(error)(f'{side} image: {error}') from error
+

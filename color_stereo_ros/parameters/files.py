@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings in YAML files: the parameter files of the nodes, and the same groups without a head."""
+
+import yaml
+
+from ..core.settings.groups import checked_value, flat, Settings, suggestion
+from ..errors import SettingsError
+from ..files.yaml import load_yaml, UnreadableError
+
+SENSORS = ('range_node', 'lifecycle_range_node')
+"""Nodes whose parameters the settings of the core belong to."""
+PROJECTORS = ('pattern_node',)
+"""Nodes that know the settings of the pattern alone."""
+OTHERS = ('sim_rig_node', *PROJECTORS)
+"""Nodes of this package whose parameters say nothing about a measurement."""
+
+PASSED_OVER = ('input', 'output', 'sync', 'sim', 'qos_overrides', 'use_sim_time',
+               'start_type_description_service')
+"""Groups and parameters of the nodes that are no settings of the core."""
+
+CALIBRATION_FIELDS = ('camera_matrix', 'distortion_coefficients', 'projection_matrix')
+"""Names by which a camera_info file is known."""
+
+
+def read_settings(path, settings=Settings(), nodes=SENSORS):
+    """
+    Read settings from a YAML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Parameters below `<node>: ros__parameters:`, nested or with dots, or without that head.
+        Parameters that only a node has (such as those of `sync`) are passed over.
+    settings : dataclass made of groups
+        The names that are legal; groups beyond those of the core are read if it has them.
+    nodes : sequence of str
+        The nodes whose parameters count; those of `/**` always do. A node by another name counts
+        if it is the only one in the file: it may have been renamed.
+
+    Returns
+    -------
+    values : dict
+        Flat names to values; empty if the file says nothing.
+
+    Raises
+    ------
+    SettingsError
+        If the file cannot be read, is no YAML, belongs to other nodes or to something else,
+        misspells a name, or holds a value outside its range.
+
+    """
+    values = {}
+    for parameters in _parameters(path, _content(path), nodes):
+        values |= dict(_flattened(parameters))
+    known = flat(settings)
+    return {name: _checked(path, settings, known, name, value) for name, value in values.items()
+            if name in known or not _is_passed_over(name)}
+
+
+def settings_text(values, node=None):
+    """
+    Return settings as the text of a YAML file.
+
+    Parameters
+    ----------
+    values : dict
+        Flat names to values.
+    node : str, optional
+        Name of the node, `/**` for all; without it the groups have no head.
+
+    """
+    nested = {}
+    for name, value in values.items():
+        group, _, key = name.partition('.')
+        nested.setdefault(group, {})[key] = value
+    content = nested if node is None else {node: {'ros__parameters': nested}}
+    return yaml.safe_dump(content, sort_keys=False)
+
+
+def _content(path):
+    """Return the mapping that a file holds, {} if it is empty."""
+    try:
+        content = load_yaml(path)
+    except UnreadableError as error:
+        raise SettingsError(f'{path}: {error}') from error
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        raise SettingsError(f'{path}: holds {type(content).__name__}, expected names and values')
+    if any(name in content for name in CALIBRATION_FIELDS):
+        raise SettingsError(f'{path}: is the calibration of a camera (camera_info), expected '
+                            'settings')
+    return content
+
+
+def _parameters(path, content, nodes):
+    """Return the parameters of every section that counts, the content if it has no sections."""
+    sections = list(_sections(content))
+    if not sections:
+        return [content]
+    found = [parameters for name, parameters in sections if name in ('*', '**', *nodes)]
+    if not found and len(sections) == 1 and sections[0][0] not in (*SENSORS, *OTHERS):
+        found = [sections[0][1]]
+    if not found:
+        others = ', '.join(dict.fromkeys(name for name, _ in sections))
+        raise SettingsError(f'{path}: holds parameters of {others}, expected those of '
+                            f'{" or ".join(nodes)}')
+    return found
+
+
+def _sections(content):
+    """Yield (last part of the node's name, its parameters); namespaces may nest."""
+    for name, value in content.items():
+        if not isinstance(value, dict):
+            continue
+        if 'ros__parameters' in value:
+            parameters = value['ros__parameters'] or {}
+            yield str(name).rpartition('/')[2], (
+                parameters if isinstance(parameters, dict) else {'ros__parameters': parameters})
+        else:
+            yield from _sections(value)
+
+
+def _flattened(values, prefix=''):
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _flattened(value, f'{prefix}{name}.')
+        else:
+            yield f'{prefix}{name}', value
+
+
+def _is_passed_over(name):
+    return name.partition('.')[0] in PASSED_OVER
+
+
+def _checked(path, settings, known, name, value):
+    if name not in known:
+        raise SettingsError(f'{path}: unknown setting {name!r}{suggestion(name, known)}')
+    try:
+        return checked_value(settings, name, value)
+    except SettingsError as error:
+        raise SettingsError(f'{path}: {error}') from error
