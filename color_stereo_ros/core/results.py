@@ -1,120 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The frozen data that flows through the core, the status codes, and the one exception family."""
+"""What a measurement gives: a match, its ranges, and the result that users get."""
 
 from dataclasses import dataclass, field
-from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
 
-
-class ColorStereoError(ValueError):
-    """Base of every error that this package raises on purpose; its text names value and range."""
-
-
-class SettingsError(ColorStereoError):
-    """A setting has a wrong type, lies outside its range, or contradicts another one."""
-
-
-class CalibrationError(ColorStereoError):
-    """A stereo calibration is missing, malformed or physically impossible."""
-
-
-class ImageError(ColorStereoError):
-    """An image has the wrong size, type or encoding."""
-
-
-class RecordingError(ColorStereoError):
-    """A recording or a result file cannot be read or written."""
-
-
-class Status(IntEnum):
-    """Why a pixel has no range; the values of the `status/image` topic."""
-
-    VALID = 0
-    OUTSIDE_IMAGE = 1
-    DARK = 2
-    SATURATED = 3
-    NO_MATCH = 4
-    AMBIGUOUS = 5
-    INCONSISTENT = 6
-    OUT_OF_RANGE = 7
-    IMPLAUSIBLE = 8
-
-    @property
-    def label(self):
-        """Return the name as people write it, for example 'out of range'."""
-        return self.name.lower().replace('_', ' ')
-
-    @property
-    def meaning(self):
-        """Return one sentence for people."""
-        return STATUS_MEANINGS[self]
-
-
-STATUS_MEANINGS = {
-    Status.VALID: 'the pixel has a range',
-    Status.OUTSIDE_IMAGE: 'the rectified pixel lies outside the raw left image',
-    Status.DARK: 'too little pattern light: shadow, dark surface, or outside the projection',
-    Status.SATURATED: 'a color channel is overexposed',
-    Status.NO_MATCH: 'no similar color within the disparity limits',
-    Status.AMBIGUOUS: 'several places match equally well, or the colors are too uniform',
-    Status.INCONSISTENT: 'left and right disagree: seen by the left camera only',
-    Status.OUT_OF_RANGE: 'the match lies outside range.min_depth .. range.max_depth',
-    Status.IMPLAUSIBLE: 'the match does not fit the surface around it',
-}
-
-
-@dataclass(frozen=True)
-class RectifiedGeometry:
-    """
-    The geometry of a rectified pair: x_left - x_right = focal_x * baseline / Z + principal_offset.
-
-    Pixel (0, 0) is the center of the top-left pixel.
-
-    """
-
-    width: int
-    """Columns, px."""
-    height: int
-    """Rows, px."""
-    focal_x: float
-    """P[0, 0] of both cameras, px."""
-    focal_y: float
-    """P[1, 1] of both cameras, px."""
-    center_x_left: float
-    """P[0, 2] of the left camera, px."""
-    center_x_right: float
-    """P[0, 2] of the right camera, px."""
-    center_y: float
-    """P[1, 2] of both cameras, px."""
-    baseline: float
-    """Distance of the optical centers, m, > 0."""
-
-    @property
-    def principal_offset(self):
-        """Return cx_left - cx_right, px: the disparity of a point at infinity."""
-        return self.center_x_left - self.center_x_right
-
-    @property
-    def focal_baseline(self):
-        """Return focal length times baseline, px m."""
-        return self.focal_x * self.baseline
-
-
-@dataclass(frozen=True, eq=False)
-class RectifiedPair:
-    """Two color images whose epipolar lines are the image rows."""
-
-    left: np.ndarray
-    """uint8 (H, W, 3), RGB; 0 outside the raw image."""
-    right: np.ndarray
-    """uint8 (H, W, 3), RGB; 0 outside the raw image."""
-    left_inside: np.ndarray
-    """bool (H, W): the rectified pixel lies inside the raw left image."""
-    right_inside: np.ndarray
-    """bool (H, W): the rectified pixel lies inside the raw right image."""
-    geometry: RectifiedGeometry
+from .cameras.geometry import RectifiedGeometry
+from .status import Status
+from .triangulation import points_from_depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,5 +82,4 @@ class RangeResult:
             x right, y down, z forward, m; NaN = unknown.
 
         """
-        from .triangulation import points_from_depth
         return points_from_depth(self.depth, self.geometry)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The geometry of a rectified pair, and the pair itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class RectifiedGeometry:
+    """
+    The geometry of a rectified pair: x_left - x_right = focal_x * baseline / Z + principal_offset.
+
+    Pixel (0, 0) is the center of the top-left pixel.
+
+    """
+
+    width: int
+    """Columns, px."""
+    height: int
+    """Rows, px."""
+    focal_x: float
+    """P[0, 0] of both cameras, px."""
+    focal_y: float
+    """P[1, 1] of both cameras, px."""
+    center_x_left: float
+    """P[0, 2] of the left camera, px."""
+    center_x_right: float
+    """P[0, 2] of the right camera, px."""
+    center_y: float
+    """P[1, 2] of both cameras, px."""
+    baseline: float
+    """Distance of the optical centers, m, > 0."""
+
+    @property
+    def principal_offset(self):
+        """Return cx_left - cx_right, px: the disparity of a point at infinity."""
+        return self.center_x_left - self.center_x_right
+
+    @property
+    def focal_baseline(self):
+        """Return focal length times baseline, px m."""
+        return self.focal_x * self.baseline
+
+
+@dataclass(frozen=True, eq=False)
+class RectifiedPair:
+    """Two color images whose epipolar lines are the image rows."""
+
+    left: np.ndarray
+    """uint8 (H, W, 3), RGB; 0 outside the raw image."""
+    right: np.ndarray
+    """uint8 (H, W, 3), RGB; 0 outside the raw image."""
+    left_inside: np.ndarray
+    """bool (H, W): the rectified pixel lies inside the raw left image."""
+    right_inside: np.ndarray
+    """bool (H, W): the rectified pixel lies inside the raw right image."""
+    geometry: RectifiedGeometry

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Why a pixel has no range: the one list of status codes."""
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """Why a pixel has no range; the values of the `status/image` topic."""
+
+    VALID = 0
+    OUTSIDE_IMAGE = 1
+    DARK = 2
+    SATURATED = 3
+    NO_MATCH = 4
+    AMBIGUOUS = 5
+    INCONSISTENT = 6
+    OUT_OF_RANGE = 7
+    IMPLAUSIBLE = 8
+
+    @property
+    def label(self):
+        """Return the name as people write it, for example 'out of range'."""
+        return self.name.lower().replace('_', ' ')
+
+    @property
+    def meaning(self):
+        """Return one sentence for people."""
+        return STATUS_MEANINGS[self]
+
+
+STATUS_MEANINGS = {
+    Status.VALID: 'the pixel has a range',
+    Status.OUTSIDE_IMAGE: 'the rectified pixel lies outside the raw left image',
+    Status.DARK: 'too little pattern light: shadow, dark surface, or outside the projection',
+    Status.SATURATED: 'a color channel is overexposed',
+    Status.NO_MATCH: 'no similar color within the disparity limits',
+    Status.AMBIGUOUS: 'several places match equally well, or the colors are too uniform',
+    Status.INCONSISTENT: 'left and right disagree: seen by the left camera only',
+    Status.OUT_OF_RANGE: 'the match lies outside range.min_depth .. range.max_depth',
+    Status.IMPLAUSIBLE: 'the match does not fit the surface around it',
+}
