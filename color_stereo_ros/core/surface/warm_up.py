@@ -53,19 +53,23 @@ def start_helper():
 
 def main():
     """Fit planes, then go through the other stages of the surface method, the last ones first."""
-    from ..pipeline import Stopwatch
     from ..settings.groups import Settings
     from ..triangulation import disparity_limits
-    from .method import STEPS, SurfaceMethod
+    from .method import SurfaceMethod
+    from .neighbors import propagate_planes
+    from .pair_model import PairModel
+    from .pixels import measured_pixels
     calibration, settings = some_calibration(), Settings()
     method = SurfaceMethod(settings, calibration,
                            disparity_limits(calibration.geometry, settings.range))
-    method.fit_planes(method.tiles, 0, 2)
-    method.judge()
-    method.expand(Stopwatch())
-    method.propagate(STEPS[0])
-    method.linearize(method.tiles)
-    method.seed()
+    views, planes, fit = method.views, method.planes, method.least_squares
+    pair, tiles = PairModel.neutral(views), planes.tiles
+    fit.fit(views, planes, pair, tiles, 0)
+    verdict = method.trust.judge(views, planes, fit.misfit, method.coarse.seeds)
+    measured_pixels(planes, verdict, method.geometry, method.limits, 0.5)
+    propagate_planes(views, planes, pair, tiles, 1, method.inertia)
+    fit.linearize(views, planes, pair, tiles)
+    planes.seed(method.coarse.search(views))
 
 
 if __name__ == '__main__':

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Propagation: nodes near depth edges try the planes of their neighbors."""
+
+from .grid_kernels import F4
+from .neighbor_kernels import HALO, propagate
+
+STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
+TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it does not fit
+INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
+
+
+def propagate_planes(views, planes, pair, tiles, turn, inertia):
+    """
+    Let the nodes of some tiles try the planes of their neighbors (as PatchMatch stereo does).
+
+    Writes the planes and the cost of these tiles.
+
+    """
+    steps = STEPS[min(turn, len(STEPS)) - 1]
+    left, right = views.left, views.right
+    for number, (old, new) in enumerate(planes.rewritten(tiles, len(steps), whole=False)):
+        # the planes of the first call cost what it found
+        propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
+                  views.psf, pair.matrix, pair.scale, TRUNCATION, inertia,
+                  *old, tiles, steps[number], number > 0, *new, planes.cost)
+
+
+def rough_tiles(views, planes, step):
+    """Return the tiles near depth edges, int32 (N, 2); step: as `PlaneField.smooth` has it."""
+    return planes.tiles[~planes.smooth(planes.tiles, views, HALO, step)]

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planes of all nodes: seeded by the coarse search, fitted by least squares."""
+
+import numpy as np
+
+from .coarse_kernels import seed_planes
+from .grid_kernels import F4, PAD
+from .plane_kernels import find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS
+
+ROBUST = F4(9.0)    # misfit at which a node counts half
+RIDGE = F4(0.1)     # node^2: how firmly a slope keeps its last value
+STEEPEST = F4(6.0)  # px per node
+GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
+GATES_SLOW = 3.0, 1.5, 0.75  # likewise under a pattern whose colors change slowly
+STEADY = 3.0, 2.5, 1.25  # px from the plane of a node SPAN away, likewise and in the end
+STEADY_SLOW = 16.0, 12.0, 6.0  # likewise under such a pattern: creases do not show there
+COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
+UPRIGHT = F4(1e6)
+
+
+class PlaneField:
+    """
+    A plane d + a i + b j at every node, and what is known of it; all arrays framed float32.
+
+    Iterating yields d (disparity, px), a and b (slopes, px per node): the arguments of kernels.
+    They are written into other arrays than they are read from. `rewritten` owns that rule.
+
+    Attributes
+    ----------
+    variance : numpy.ndarray
+        Of d, px^2, for noise of unit misfit; inf = no information.
+    cost : numpy.ndarray
+        Misfit of the best shifted window, see `neighbors`; 1 where planes were not compared.
+
+    """
+
+    def __init__(self, grid, arena):
+        """Allocate planes, all unknown."""
+        self.grid = grid
+        self.tiles = grid.tiles
+        self._planes = [arena.full(grid.shape, value, F4) for value in (np.nan, 0, 0)]
+        self._spare = [arena.empty(grid.shape, F4) for _ in self._planes]
+        self._copy()
+        self.variance, self.cost = (arena.zeros(grid.shape, F4) for _ in range(2))
+
+    def __iter__(self):
+        """Yield d, a, b."""
+        return iter(self._planes)
+
+    @property
+    def d(self):
+        """Return the disparities of the nodes, px, NaN = unknown."""
+        return self._planes[0]
+
+    def seed(self, seeds):
+        """
+        Give every node the plane of its coarse node.
+
+        Parameters
+        ----------
+        seeds : Seeds
+
+        Returns
+        -------
+        planes : PlaneField
+            This one.
+
+        """
+        # tiles reach beyond the nodes, and what a fit left there belongs to the last pair
+        rows, columns = (PAD + count for count in self.grid.nodes)
+        for plane, nothing in zip(self._planes, (np.nan, 0, 0)):
+            plane[rows:] = nothing
+            plane[:, columns:] = nothing
+        # right coarse nodes are averages of columns that lie half a pixel further right
+        seed_planes(seeds.disparity, seeds.factor, F4(-0.5), *self.grid.nodes, *self._planes)
+        self.cost.fill(1.0)
+        self.variance.fill(COARSE_VARIANCE)
+        return self
+
+    def rewritten(self, tiles, passes=1, whole=True):
+        """
+        Yield the planes to read and those to write, once a pass; the new ones then hold.
+
+        Parameters
+        ----------
+        tiles : numpy.ndarray, int32, shape (N, 2)
+            Only these are written. All others keep their planes: they are copied first.
+        passes : int
+        whole : bool
+            Every entry of these tiles is written.
+
+        """
+        if len(tiles) < len(self.tiles) or not whole:
+            self._copy()
+        for _ in range(passes):
+            yield self._planes, self._spare
+            self._planes, self._spare = self._spare, self._planes
+
+    def _copy(self):
+        for plane, spare in zip(self._planes, self._spare):
+            np.copyto(spare, plane)
+
+    def smooth(self, tiles, views, halo, step):
+        """
+        Return which tiles, with so many nodes around, one surface fills, bool (N,).
+
+        step: px from the plane of a node SPAN away that are no step.
+
+        """
+        smooth = np.empty(len(tiles), bool)
+        find_smooth_tiles(*self, views.left.variance, tiles, halo, step, smooth)
+        return smooth
+
+
+class LeastSquares:
+    """
+    Fits planes to the colors of the nodes around, linearized at the planes of the last round.
+
+    Attributes
+    ----------
+    weight, moment, misfit : numpy.ndarray, float32, framed
+        The normal equations of single nodes, see `plane_kernels.linearize`.
+
+    """
+
+    def __init__(self, grid, limits, settings, blur, arena):
+        """Allocate the normal equations."""
+        self.weight, self.moment = (arena.zeros(grid.shape, F4) for _ in range(2))
+        # seeds that nothing compares count as fitting, as their cost does
+        self.misfit = arena.full(grid.shape, np.nan if settings.refinements else 1.0, F4)
+        self.reference = F4(np.mean(limits))
+        self.ridge = RIDGE if settings.slanted else UPRIGHT
+        self.gates = np.array(GATES_SLOW if blur else GATES, F4)
+        self.steady = np.array(STEADY_SLOW if blur else STEADY, F4)
+        self.correlation = F4(correlation(blur) if settings.refinements else 1)
+
+    def linearize(self, views, planes, pair, tiles):
+        """Compare the nodes of some tiles with the places that their disparities point to."""
+        left, right = views.left, views.right
+        linearize(left.u, left.v, left.variance, right.u, right.v, right.variance, views.psf,
+                  pair.matrix, *planes, tiles, ROBUST, pair.scale, self.reference,
+                  self.weight, self.moment, self.misfit)
+        return self.misfit
+
+    def fit(self, views, planes, pair, tiles, turn):
+        """
+        Fit planes to the linearized nodes of some tiles.
+
+        Returns
+        -------
+        rough : numpy.ndarray, int32, shape (N, 2)
+            The tiles that got no wide windows.
+
+        """
+        at = min(turn, len(self.gates) - 1)
+        step = self.steady[at]
+        reach = np.zeros(len(tiles), np.int8)
+        smooth = np.flatnonzero(planes.smooth(tiles, views, RADIUS, step))
+        reach[smooth] = RADIUS
+        if turn > 0:  # planes of seeds are too rough to tell how far a surface goes
+            wide = planes.smooth(tiles[smooth], views, WIDE_RADIUS, step)
+            reach[smooth[wide]] = WIDE_RADIUS
+        # seeds are coarse: half of the rows tell as much
+        self.solve(planes, pair, tiles, reach, self.gates[at], 2 if turn == 0 else 1)
+        return tiles[reach < WIDE_RADIUS]
+
+    def polish(self, views, planes, pair, tiles):
+        """
+        Fit those tiles once more, in wide windows, that only this round has shown to be smooth.
+
+        A single noisy node of the round before keeps a tile and its surroundings from it.
+
+        """
+        smooth = tiles[planes.smooth(tiles, views, WIDE_RADIUS, self.steady[-1])]
+        if smooth.size:
+            reach = np.full(len(smooth), WIDE_RADIUS, np.int8)  # no window with a gate
+            self.solve(planes, pair, smooth, reach, self.gates[-1], 1)
+
+    def solve(self, planes, pair, tiles, reach, gate, stride):
+        """
+        Replace the planes of some tiles, see `plane_kernels.fit_planes`.
+
+        stride: of the window rows near depth edges.
+
+        """
+        for old, new in planes.rewritten(tiles):
+            fit_planes(self.weight, self.moment, *old, tiles, reach, gate, stride,
+                       pair.noise_weight, self.ridge, STEEPEST, self.reference, *new,
+                       planes.variance)
+
+    def correct(self, planes):
+        """Give the variance of planes its true size where neighbors share their noise."""
+        if self.correlation != 1:
+            planes.variance *= self.correlation
+
+
+def correlation(blur):
+    """
+    Return what averaged colors make of the variance of planes that are fitted to them.
+
+    Nodes that are averages over 2 blur + 1 nodes share their noise with their neighbors: a window
+    holds fewer independent ones than it has nodes. The factor is that of a mean over the wide
+    window, whose noise is white before it is averaged; 1 without averages.
+
+    """
+    box, window = 2 * blur + 1, 2 * WIDE_RADIUS + 1
+    shares = np.convolve(np.ones(box), np.ones(window))
+    return ((shares ** 2).sum() / (box * window)) ** 2
