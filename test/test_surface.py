@@ -13,6 +13,7 @@ from color_stereo_ros.core.surface.coarse import CoarseSearch
 from color_stereo_ros.core.surface.gains import gains_of
 from color_stereo_ros.core.surface.grid import framed_area, whole
 from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.tuning import TUNING
 import numba
 import numpy as np
 import pytest
@@ -366,10 +367,10 @@ def test_color_matching_makes_up_for_different_cameras():
 
 def test_gains_make_cameras_alike_and_channels_half_as_unequal():
     strong, weak = np.array([40.0, 10.0, 20.0]), np.array([20.0, 10.0, 5.0])
-    gains = gains_of([strong - 0.5, weak - 0.5])
+    gains = gains_of([strong - 0.5, weak - 0.5], TUNING.views)
     first, second = gains[0] * strong, gains[1] * weak
     np.testing.assert_allclose(first / first.sum(), second / second.sum(), rtol=1e-6)
-    same = gains_of([strong - 0.5, strong - 0.5])[0] * strong
+    same = gains_of([strong - 0.5, strong - 0.5], TUNING.views)[0] * strong
     np.testing.assert_allclose(same[0] / same[1], np.sqrt(strong[0] / strong[1]), rtol=1e-6)
 
 

@@ -4,15 +4,10 @@
 import cv2
 import numpy as np
 
-from ..patterns.expectation import APERIODIC
 from .grid_kernels import F4
 
-NOISE_WEIGHTS = 0.15, 1.0  # of a node that shows only noise: demosaiced, independent
-INDEPENDENT = 0.85, 0.95   # change to the next pixel / to the next but one: see noise_weight
-SAME_BALANCE = 0.12  # of logarithms: cameras of one type under an aperiodic pattern
 
-
-def channel_gains(levels, settings):
+def channel_gains(levels, color, tuning):
     """
     Return the gains of the channels of both cameras, float32 (2, 3).
 
@@ -20,37 +15,38 @@ def channel_gains(levels, settings):
     ----------
     levels : sequence of two (dark, mean)
         Of left and right, float32 (3,) each: dark level and mean above it, DN.
-    settings : Settings
+    color : ColorSettings
+    tuning : ViewTuning
 
     """
-    if not settings.color.equalize:
+    if not color.equalize:
         return np.ones((2, 3), F4)
     means = [mean for _, mean in levels]
-    if same_cameras(means, settings):
+    if same_cameras(means, color.equalize_cameras, tuning):
         # the two may see different parts of the pattern
         means = [0.5 * (means[0] + means[1])] * 2
-    return gains_of(means)
+    return gains_of(means, tuning)
 
 
-def same_cameras(means, settings):
+def same_cameras(means, choice, tuning):
     """
-    Return whether both cameras get the same gains; means (DN) are those of left and right.
+    Return whether both cameras get the same gains.
+
+    means (DN) are those of left and right; choice is `color.equalize_cameras`.
 
     Every part of an aperiodic pattern holds all hues alike. Under such a pattern, a difference of
     the channel means is one of the cameras. Under other patterns the cameras may see different
     parts.
 
     """
-    choice = settings.color.equalize_cameras
     if choice != 'automatic':
         return choice == 'shared'
-    if settings.pattern.type not in APERIODIC:
-        return True
-    balance = np.log((means[0] + F4(0.5)) / (means[1] + F4(0.5)))
-    return np.ptp(balance) < SAME_BALANCE
+    offset = F4(tuning.channel_offset)
+    balance = np.log((means[0] + offset) / (means[1] + offset))
+    return np.ptp(balance) < tuning.same_camera_balance
 
 
-def gains_of(means):
+def gains_of(means, tuning):
     """
     Return the gains of the channels of both cameras, float32 (2, 3), from their means (DN).
 
@@ -58,13 +54,13 @@ def gains_of(means):
     Without gains, the hues of a weak channel count for little. Full gains amplify its noise.
 
     """
-    means = np.array(means, np.float64) + 0.5
+    means = np.array(means, np.float64) + tuning.channel_offset
     balance = means / means.mean(axis=1, keepdims=True)
     common = np.sqrt(balance[0] * balance[1])
-    return np.clip(np.sqrt(common) / balance, 0.25, 4.0).astype(F4)
+    return np.clip(np.sqrt(common) / balance, *tuning.channel_gain_limits).astype(F4)
 
 
-def noise_weight(image):
+def noise_weight(image, tuning):
     """
     Return the weight that mere noise has at a node of an image, uint8 (H, W, 3).
 
@@ -73,11 +69,13 @@ def noise_weight(image):
     gray images without any pattern.
 
     """
-    rows = image[8::32]
+    demosaiced, independent = tuning.noise_weights
+    first, step = tuning.noise_rows
+    rows = image[first::step]
     if rows.shape[0] == 0 or rows.shape[1] < 3:
-        return NOISE_WEIGHTS[1]
+        return independent
     near, far = (cv2.norm(rows[:, step:], rows[:, :-step], cv2.NORM_L1) / (rows.shape[1] - step)
                  for step in (1, 2))
-    low, high = INDEPENDENT
+    low, high = tuning.noise_steps
     share = np.clip((near / max(far, 1e-6) - low) / (high - low), 0, 1)
-    return NOISE_WEIGHTS[0] + share * (NOISE_WEIGHTS[1] - NOISE_WEIGHTS[0])
+    return demosaiced + share * (independent - demosaiced)

@@ -18,15 +18,16 @@ the half grid.
 import numpy as np
 
 from ..compiled.arena import Arena
-from ..patterns.expectation import Prior
+from ..patterns.expectation import Expectation, Prior
 from .coarse import CoarseSearch
 from .grid import HalfGrid
 from .grid_kernels import F4
-from .neighbors import INERTIA_SLOW, propagate_planes, rough_tiles
+from .neighbors import propagate_planes, rough_tiles
 from .pair_model import color_matrix, PairModel
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .trust import Trust
+from .tuning import tuning_for
 from .views import SOFT, Views
 
 
@@ -42,10 +43,12 @@ class SurfaceMethod:
         Smallest and largest disparity, px.
     rectified_input : bool
         The images arrive rectified already.
+    tuning : Tuning, optional
+        Default: what suits the pattern.
 
     """
 
-    def __init__(self, settings, calibration, limits, rectified_input=False):
+    def __init__(self, settings, calibration, limits, rectified_input=False, tuning=None):
         """Build the maps and allocate the buffers of all steps, in the order of the pipeline."""
         self.settings = settings
         self.geometry = calibration.geometry
@@ -53,17 +56,20 @@ class SurfaceMethod:
         grid = HalfGrid(self.geometry.height, self.geometry.width)
         arena = Arena()
         prior = Prior.of(settings, self.geometry.width)
-        slow = bool(prior.blur)
-        self.views = Views(calibration, grid, settings, prior.blur, rectified_input, arena)
+        if tuning is None:
+            tuning = tuning_for(Expectation.of(settings.pattern), self.geometry.width)
+        self.tuning = tuning
+        self.views = Views(calibration, grid, settings, tuning.views, prior.blur, rectified_input,
+                           arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, prior, SOFT, arena)
-        self.planes = PlaneField(grid, arena)
-        self.least_squares = LeastSquares(grid, limits, settings.matching, prior.blur, arena)
-        self.trust = Trust(grid, self.limits, settings, slow, arena)
-        self.inertia = F4(INERTIA_SLOW if slow else 0.0)
-        self.match_colors = settings.matching.color_matching and not slow
+        self.planes = PlaneField(grid, tuning.coarse.seed_variance, arena)
+        self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
+                                          arena)
+        self.trust = Trust(grid, self.limits, settings, tuning, arena)
+        self.match_colors = settings.matching.color_matching and tuning.planes.color_matching
         if settings.matching.refinements:
             # the black pair that warms the kernels has no colors to match
-            color_matrix(self.views, self.planes, self.least_squares.misfit, F4(1))
+            color_matrix(self.views, self.planes, self.least_squares.misfit, F4(1), tuning.planes)
 
     def measure(self, left, right, clock):
         """
@@ -92,7 +98,7 @@ class SurfaceMethod:
         verdict = self.trust.judge(views, planes, self.least_squares.misfit, seeds)
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
-                                      self.settings.matching.min_confidence)
+                                      self.trust.least_odds)
         clock.lap('expand', measurement)
         return measurement
 
@@ -109,16 +115,16 @@ class SurfaceMethod:
         fit, tiles = self.least_squares, planes.tiles
         if turn > 0 and self.settings.matching.propagation:
             tiles = rough_tiles(views, planes, fit.steady[-1])
-            propagate_planes(views, planes, pair, tiles, turn, self.inertia)
+            propagate_planes(views, planes, pair, tiles, turn, self.tuning.neighbors)
             clock.lap(f'propagate {turn}', planes)
         # colors and noise are known better after the first round: everything is fitted anew
-        fitted = planes.tiles if turn < 2 else tiles
+        fitted = planes.tiles if turn < self.tuning.planes.full_rounds else tiles
         fit.linearize(views, planes, pair, fitted)
         rough = fit.fit(views, planes, pair, fitted, turn)
         clock.lap(f'fit {turn + 1}', planes)
         misfit = fit.linearize(views, planes, pair, tiles)
         if turn == 0:
-            pair = pair.measured(views, planes, misfit, self.match_colors)
+            pair = pair.measured(views, planes, misfit, self.match_colors, self.tuning.planes)
         clock.lap(f'compare {turn + 1}', pair)
         if turn > 0:
             fit.polish(views, planes, pair, rough)

@@ -4,24 +4,22 @@
 from .grid_kernels import F4
 from .neighbor_kernels import HALO, propagate
 
-STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
-TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it does not fit
-INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
 
-
-def propagate_planes(views, planes, pair, tiles, turn, inertia):
+def propagate_planes(views, planes, pair, tiles, turn, tuning):
     """
     Let the nodes of some tiles try the planes of their neighbors (as PatchMatch stereo does).
 
-    Writes the planes and the cost of these tiles.
+    Writes the planes and the cost of these tiles. turn counts the rounds, from 1; tuning is a
+    NeighborTuning.
 
     """
-    steps = STEPS[min(turn, len(STEPS)) - 1]
+    steps = tuning.steps[min(turn, len(tuning.steps)) - 1]
+    cap, inertia = F4(tuning.misfit_cap), F4(tuning.inertia)
     left, right = views.left, views.right
     for number, (old, new) in enumerate(planes.rewritten(tiles, len(steps), whole=False)):
         # the planes of the first call cost what it found
         propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                  views.psf, pair.matrix, pair.scale, TRUNCATION, inertia,
+                  views.psf, pair.matrix, pair.scale, cap, inertia,
                   *old, tiles, steps[number], number > 0, *new, planes.cost)
 
 

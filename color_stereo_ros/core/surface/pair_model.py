@@ -8,13 +8,6 @@ import numpy as np
 from .grid_kernels import F4, PAD
 from .view_kernels import add_color_sums
 
-QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
-ADAPT_STEPS = 8, 4  # nodes between samples: thousands are left at 640 x 480
-ROBUST = F4(9.0)    # misfit at which a node counts half
-LEAST_SAMPLES = 100
-SCALES = 0.1, 100.0
-STEADYING = 50.0
-
 
 @dataclass(frozen=True, eq=False)
 class PairModel:
@@ -32,7 +25,7 @@ class PairModel:
         """Return what holds before anything is measured: equal cameras, plausible noise."""
         return cls(np.eye(2, 3, dtype=F4), F4(1), views.noise_weight)
 
-    def measured(self, views, planes, misfit, match_colors):
+    def measured(self, views, planes, misfit, match_colors, tuning):
         """
         Return the model that the matches so far show.
 
@@ -44,6 +37,7 @@ class PairModel:
             Of the nodes under this model, NaN = unknown.
         match_colors : bool
             Measure `matrix`, too.
+        tuning : PlaneTuning
 
         Returns
         -------
@@ -52,22 +46,25 @@ class PairModel:
 
         """
         rows, columns = views.grid.nodes
-        area = np.s_[PAD + 1:PAD + rows:ADAPT_STEPS[0], PAD + 1:PAD + columns:ADAPT_STEPS[1]]
+        step_y, step_x = tuning.adapt_steps
+        area = np.s_[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
         known = misfit[area][np.isfinite(misfit[area])]
-        if known.size < LEAST_SAMPLES:
+        if known.size < tuning.least_samples:
             return self
         at = known.size // 4
-        scale = F4(np.clip(np.partition(known, at)[at] / QUARTILE, *SCALES))
-        matrix = color_matrix(views, planes, misfit, scale) if match_colors else self.matrix
-        return replace(self, scale=scale, matrix=matrix)
+        scale = F4(np.clip(np.partition(known, at)[at] / tuning.quartile, *tuning.scale_limits))
+        if not match_colors:
+            return replace(self, scale=scale)
+        return replace(self, scale=scale,
+                       matrix=color_matrix(views, planes, misfit, scale, tuning))
 
 
-def color_matrix(views, planes, misfit, scale):
+def color_matrix(views, planes, misfit, scale, tuning):
     """Return the affine map (2, 3) from right to left chromaticities of matched nodes."""
-    # a prior of 100 nodes for equal cameras steadies images with little color
-    normal, target = STEADYING * np.eye(3), STEADYING * np.eye(3, 2)
+    # a prior for equal cameras steadies images with little color
+    normal, target = tuning.color_prior * np.eye(3), tuning.color_prior * np.eye(3, 2)
     left, right = views.left, views.right
-    add_color_sums(left.u, left.v, right.u, right.v, planes.d, misfit, ROBUST * scale,
-                   *views.grid.nodes, *ADAPT_STEPS, normal, target)
+    add_color_sums(left.u, left.v, right.u, right.v, planes.d, misfit, F4(tuning.robust_misfit) * scale,
+                   *views.grid.nodes, *tuning.adapt_steps, normal, target)
     # rows in memory as in `PairModel.neutral`: another layout would compile the kernels again
     return np.ascontiguousarray(np.linalg.solve(normal, target).T, F4)

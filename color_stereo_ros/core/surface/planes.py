@@ -7,16 +7,6 @@ from .coarse_kernels import seed_planes
 from .grid_kernels import F4, PAD
 from .plane_kernels import find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS
 
-ROBUST = F4(9.0)    # misfit at which a node counts half
-RIDGE = F4(0.1)     # node^2: how firmly a slope keeps its last value
-STEEPEST = F4(6.0)  # px per node
-GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
-GATES_SLOW = 3.0, 1.5, 0.75  # likewise under a pattern whose colors change slowly
-STEADY = 3.0, 2.5, 1.25  # px from the plane of a node SPAN away, likewise and in the end
-STEADY_SLOW = 16.0, 12.0, 6.0  # likewise under such a pattern: creases do not show there
-COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
-UPRIGHT = F4(1e6)
-
 
 class PlaneField:
     """
@@ -34,9 +24,10 @@ class PlaneField:
 
     """
 
-    def __init__(self, grid, arena):
-        """Allocate planes, all unknown."""
+    def __init__(self, grid, seed_variance, arena):
+        """Allocate planes, all unknown; seed_variance (px^2): of d before any fit."""
         self.grid = grid
+        self.seed_variance = F4(seed_variance)
         self.tiles = grid.tiles
         self._planes = [arena.full(grid.shape, value, F4) for value in (np.nan, 0, 0)]
         self._spare = [arena.empty(grid.shape, F4) for _ in self._planes]
@@ -74,7 +65,7 @@ class PlaneField:
         # right coarse nodes are averages of columns that lie half a pixel further right
         seed_planes(seeds.disparity, seeds.factor, F4(-0.5), *self.grid.nodes, *self._planes)
         self.cost.fill(1.0)
-        self.variance.fill(COARSE_VARIANCE)
+        self.variance.fill(self.seed_variance)
         return self
 
     def rewritten(self, tiles, passes=1, whole=True):
@@ -123,22 +114,24 @@ class LeastSquares:
 
     """
 
-    def __init__(self, grid, limits, settings, blur, arena):
+    def __init__(self, grid, limits, settings, tuning, arena):
         """Allocate the normal equations."""
+        self.tuning = tuning
         self.weight, self.moment = (arena.zeros(grid.shape, F4) for _ in range(2))
         # seeds that nothing compares count as fitting, as their cost does
         self.misfit = arena.full(grid.shape, np.nan if settings.refinements else 1.0, F4)
         self.reference = F4(np.mean(limits))
-        self.ridge = RIDGE if settings.slanted else UPRIGHT
-        self.gates = np.array(GATES_SLOW if blur else GATES, F4)
-        self.steady = np.array(STEADY_SLOW if blur else STEADY, F4)
-        self.correlation = F4(correlation(blur) if settings.refinements else 1)
+        self.robust_misfit, self.steepest = F4(tuning.robust_misfit), F4(tuning.steepest)
+        self.ridge = F4(tuning.ridge if settings.slanted else tuning.rigid_ridge)
+        self.gates = np.array(tuning.gates, F4)
+        self.steady = np.array(tuning.steadiness, F4)
+        self.correlation = F4(tuning.noise_correlation if settings.refinements else 1)
 
     def linearize(self, views, planes, pair, tiles):
         """Compare the nodes of some tiles with the places that their disparities point to."""
         left, right = views.left, views.right
         linearize(left.u, left.v, left.variance, right.u, right.v, right.variance, views.psf,
-                  pair.matrix, *planes, tiles, ROBUST, pair.scale, self.reference,
+                  pair.matrix, *planes, tiles, self.robust_misfit, pair.scale, self.reference,
                   self.weight, self.moment, self.misfit)
         return self.misfit
 
@@ -160,8 +153,8 @@ class LeastSquares:
         if turn > 0:  # planes of seeds are too rough to tell how far a surface goes
             wide = planes.smooth(tiles[smooth], views, WIDE_RADIUS, step)
             reach[smooth[wide]] = WIDE_RADIUS
-        # seeds are coarse: half of the rows tell as much
-        self.solve(planes, pair, tiles, reach, self.gates[at], 2 if turn == 0 else 1)
+        stride = self.tuning.row_stride if turn == 0 else 1
+        self.solve(planes, pair, tiles, reach, self.gates[at], stride)
         return tiles[reach < WIDE_RADIUS]
 
     def polish(self, views, planes, pair, tiles):
@@ -185,24 +178,10 @@ class LeastSquares:
         """
         for old, new in planes.rewritten(tiles):
             fit_planes(self.weight, self.moment, *old, tiles, reach, gate, stride,
-                       pair.noise_weight, self.ridge, STEEPEST, self.reference, *new,
+                       pair.noise_weight, self.ridge, self.steepest, self.reference, *new,
                        planes.variance)
 
     def correct(self, planes):
         """Give the variance of planes its true size where neighbors share their noise."""
         if self.correlation != 1:
             planes.variance *= self.correlation
-
-
-def correlation(blur):
-    """
-    Return what averaged colors make of the variance of planes that are fitted to them.
-
-    Nodes that are averages over 2 blur + 1 nodes share their noise with their neighbors: a window
-    holds fewer independent ones than it has nodes. The factor is that of a mean over the wide
-    window, whose noise is white before it is averaged; 1 without averages.
-
-    """
-    box, window = 2 * blur + 1, 2 * WIDE_RADIUS + 1
-    shares = np.convolve(np.ones(box), np.ones(window))
-    return ((shares ** 2).sum() / (box * window)) ** 2

@@ -41,6 +41,7 @@ class Views:
     calibration : StereoCalibration
     grid : HalfGrid
     settings : Settings
+    tuning : ViewTuning
     blur : int
         Radius over which colors are averaged, nodes.
     rectified_input : bool
@@ -59,9 +60,9 @@ class Views:
 
     """
 
-    def __init__(self, calibration, grid, settings, blur, rectified_input, arena):
+    def __init__(self, calibration, grid, settings, tuning, blur, rectified_input, arena):
         """Build the maps of both cameras and make their point spreads alike."""
-        self.grid, self.settings, self.blur = grid, settings, blur
+        self.grid, self.settings, self.tuning, self.blur = grid, settings, tuning, blur
         rows, columns = grid.nodes
         self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input, arena)
         self.right = View(calibration.right, rows, grid.width - 1, 1,
@@ -89,10 +90,10 @@ class Views:
         """
         color = self.settings.color
         levels = [self.left.load(left, color), self.right.load(right, color)]
-        gains = channel_gains(levels, self.settings)
+        gains = channel_gains(levels, color, self.tuning)
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
             view.fill(dark, gain, color, self.blur)
-        self.noise_weight = F4(noise_weight(left) / (1 + 2 * self.blur) ** 2)
+        self.noise_weight = F4(noise_weight(left, self.tuning) / (1 + 2 * self.blur) ** 2)
         return self
 
 

@@ -66,8 +66,8 @@ def main():
     pair, tiles = PairModel.neutral(views), planes.tiles
     fit.fit(views, planes, pair, tiles, 0)
     verdict = method.trust.judge(views, planes, fit.misfit, method.coarse.seeds)
-    measured_pixels(planes, verdict, method.geometry, method.limits, 0.5)
-    propagate_planes(views, planes, pair, tiles, 1, method.inertia)
+    measured_pixels(planes, verdict, method.geometry, method.limits, method.trust.least_odds)
+    propagate_planes(views, planes, pair, tiles, 1, method.tuning.neighbors)
     fit.linearize(views, planes, pair, tiles)
     planes.seed(method.coarse.search(views))
 
