@@ -327,7 +327,7 @@ def test_foreshortening_makes_leaning_planes_fit():
     for foreshortening in (False, True):
         stereo = sensor(matching__foreshortening=foreshortening)
         stereo.process(*plane_pair(WIDTH, HEIGHT, 10, 0.5))
-        misfits.append(np.nanmean(stereo._method.least_squares.misfit))
+        misfits.append(np.nanmean(stereo._method.planes.misfit))
     assert misfits[1] < 0.97 * misfits[0]
 
 

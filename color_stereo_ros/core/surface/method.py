@@ -62,14 +62,15 @@ class SurfaceMethod:
         self.views = Views(calibration, grid, settings, tuning.views, prior.blur, rectified_input,
                            arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, prior, SOFT, arena)
-        self.planes = PlaneField(grid, tuning.coarse.seed_variance, arena)
+        self.planes = PlaneField(grid, tuning.coarse.seed_variance,
+                                 settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
                                           arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
         self.match_colors = settings.matching.color_matching and tuning.planes.color_matching
         if settings.matching.refinements:
             # the black pair that warms the kernels has no colors to match
-            color_matrix(self.views, self.planes, self.least_squares.misfit, F4(1), tuning.planes)
+            color_matrix(self.views, self.planes, F4(1), tuning.planes)
 
     def measure(self, left, right, clock):
         """
@@ -95,7 +96,7 @@ class SurfaceMethod:
         for turn in range(self.settings.matching.refinements):
             pair = self.refine(turn, views, planes, pair, clock)
         self.least_squares.correct(planes)
-        verdict = self.trust.judge(views, planes, self.least_squares.misfit, seeds)
+        verdict = self.trust.judge(views, planes, seeds)
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
                                       self.trust.least_odds)
@@ -112,21 +113,21 @@ class SurfaceMethod:
             As the matches of this round show it.
 
         """
-        fit, tiles = self.least_squares, planes.tiles
+        solver, tiles = self.least_squares, planes.tiles
         if turn > 0 and self.settings.matching.propagation:
-            tiles = rough_tiles(views, planes, fit.steady[-1])
+            tiles = rough_tiles(views, planes, solver.steady[-1])
             propagate_planes(views, planes, pair, tiles, turn, self.tuning.neighbors)
             clock.lap(f'propagate {turn}', planes)
         # colors and noise are known better after the first round: everything is fitted anew
         fitted = planes.tiles if turn < self.tuning.planes.full_rounds else tiles
-        fit.linearize(views, planes, pair, fitted)
-        rough = fit.fit(views, planes, pair, fitted, turn)
+        linearized = solver.linearize(views, planes, pair, fitted)
+        rough = solver.fit(linearized, views, planes, pair, fitted, turn)
         clock.lap(f'fit {turn + 1}', planes)
-        misfit = fit.linearize(views, planes, pair, tiles)
+        linearized = solver.linearize(views, planes, pair, tiles)
         if turn == 0:
-            pair = pair.measured(views, planes, misfit, self.match_colors, self.tuning.planes)
+            pair = pair.measured(views, planes, self.match_colors, self.tuning.planes)
         clock.lap(f'compare {turn + 1}', pair)
         if turn > 0:
-            fit.polish(views, planes, pair, rough)
+            solver.polish(linearized, views, planes, pair, rough)
             clock.lap(f'polish {turn + 1}', planes)
         return pair

@@ -25,7 +25,7 @@ class PairModel:
         """Return what holds before anything is measured: equal cameras, plausible noise."""
         return cls(np.eye(2, 3, dtype=F4), F4(1), views.noise_weight)
 
-    def measured(self, views, planes, misfit, match_colors, tuning):
+    def measured(self, views, planes, match_colors, tuning):
         """
         Return the model that the matches so far show.
 
@@ -33,8 +33,7 @@ class PairModel:
         ----------
         views : Views
         planes : PlaneField
-        misfit : numpy.ndarray, float32, framed
-            Of the nodes under this model, NaN = unknown.
+            With the misfit under this model.
         match_colors : bool
             Measure `matrix`, too.
         tuning : PlaneTuning
@@ -48,23 +47,22 @@ class PairModel:
         rows, columns = views.grid.nodes
         step_y, step_x = tuning.adapt_steps
         area = np.s_[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
-        known = misfit[area][np.isfinite(misfit[area])]
+        known = planes.misfit[area][np.isfinite(planes.misfit[area])]
         if known.size < tuning.least_samples:
             return self
         at = known.size // 4
         scale = F4(np.clip(np.partition(known, at)[at] / tuning.quartile, *tuning.scale_limits))
         if not match_colors:
             return replace(self, scale=scale)
-        return replace(self, scale=scale,
-                       matrix=color_matrix(views, planes, misfit, scale, tuning))
+        return replace(self, scale=scale, matrix=color_matrix(views, planes, scale, tuning))
 
 
-def color_matrix(views, planes, misfit, scale, tuning):
+def color_matrix(views, planes, scale, tuning):
     """Return the affine map (2, 3) from right to left chromaticities of matched nodes."""
     # a prior for equal cameras steadies images with little color
     normal, target = tuning.color_prior * np.eye(3), tuning.color_prior * np.eye(3, 2)
     left, right = views.left, views.right
-    add_color_sums(left.u, left.v, right.u, right.v, planes.d, misfit, F4(tuning.robust_misfit) * scale,
-                   *views.grid.nodes, *tuning.adapt_steps, normal, target)
+    add_color_sums(left.u, left.v, right.u, right.v, planes.d, planes.misfit,
+                   F4(tuning.robust_misfit) * scale, *views.grid.nodes, *tuning.adapt_steps, normal, target)
     # rows in memory as in `PairModel.neutral`: another layout would compile the kernels again
     return np.ascontiguousarray(np.linalg.solve(normal, target).T, F4)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The planes of all nodes: seeded by the coarse search, fitted by least squares."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .coarse_kernels import seed_planes
@@ -19,13 +21,21 @@ class PlaneField:
     ----------
     variance : numpy.ndarray
         Of d, px^2, for noise of unit misfit; inf = no information.
+    misfit : numpy.ndarray
+        Of single nodes, see `plane_kernels.linearize`; NaN = unknown.
     cost : numpy.ndarray
         Misfit of the best shifted window, see `neighbors`; 1 where planes were not compared.
 
     """
 
-    def __init__(self, grid, seed_variance, arena):
-        """Allocate planes, all unknown; seed_variance (px^2): of d before any fit."""
+    def __init__(self, grid, seed_variance, compared, arena):
+        """
+        Allocate planes, all unknown.
+
+        seed_variance (px^2): of d before any fit. compared: nodes will be linearized; where they
+        are not, seeds count as fitting.
+
+        """
         self.grid = grid
         self.seed_variance = F4(seed_variance)
         self.tiles = grid.tiles
@@ -33,6 +43,7 @@ class PlaneField:
         self._spare = [arena.empty(grid.shape, F4) for _ in self._planes]
         self._copy()
         self.variance, self.cost = (arena.zeros(grid.shape, F4) for _ in range(2))
+        self.misfit = arena.full(grid.shape, np.nan if compared else 1.0, F4)
 
     def __iter__(self):
         """Yield d, a, b."""
@@ -103,23 +114,35 @@ class PlaneField:
         return smooth
 
 
+@dataclass(frozen=True, eq=False)
+class Linearized:
+    """Nodes as terms of normal equations, see `plane_kernels.linearize`; framed float32."""
+
+    weight: np.ndarray
+    """What a node tells about its disparity, px^-2; 0 = nothing."""
+    moment: np.ndarray
+    """weight times the disparity that the node asks for, less a reference, px^-1."""
+
+
 class LeastSquares:
     """
     Fits planes to the colors of the nodes around, linearized at the planes of the last round.
 
-    Attributes
+    Parameters
     ----------
-    weight, moment, misfit : numpy.ndarray, float32, framed
-        The normal equations of single nodes, see `plane_kernels.linearize`.
+    grid : HalfGrid
+    limits : (float, float)
+        Smallest and largest disparity, px.
+    settings : MatchingSettings
+    tuning : PlaneTuning
+    arena : Arena
 
     """
 
     def __init__(self, grid, limits, settings, tuning, arena):
-        """Allocate the normal equations."""
+        """Allocate the linearized nodes."""
         self.tuning = tuning
-        self.weight, self.moment = (arena.zeros(grid.shape, F4) for _ in range(2))
-        # seeds that nothing compares count as fitting, as their cost does
-        self.misfit = arena.full(grid.shape, np.nan if settings.refinements else 1.0, F4)
+        self.linearized = Linearized(*(arena.zeros(grid.shape, F4) for _ in range(2)))
         self.reference = F4(np.mean(limits))
         self.robust_misfit, self.steepest = F4(tuning.robust_misfit), F4(tuning.steepest)
         self.ridge = F4(tuning.ridge if settings.slanted else tuning.rigid_ridge)
@@ -128,16 +151,27 @@ class LeastSquares:
         self.correlation = F4(tuning.noise_correlation if settings.refinements else 1)
 
     def linearize(self, views, planes, pair, tiles):
-        """Compare the nodes of some tiles with the places that their disparities point to."""
+        """
+        Compare the nodes of some tiles with the places that their disparities point to.
+
+        Writes the misfit of these planes.
+
+        Returns
+        -------
+        linearized : Linearized
+
+        """
         left, right = views.left, views.right
         linearize(left.u, left.v, left.variance, right.u, right.v, right.variance, views.psf,
                   pair.matrix, *planes, tiles, self.robust_misfit, pair.scale, self.reference,
-                  self.weight, self.moment, self.misfit)
-        return self.misfit
+                  self.linearized.weight, self.linearized.moment, planes.misfit)
+        return self.linearized
 
-    def fit(self, views, planes, pair, tiles, turn):
+    def fit(self, linearized, views, planes, pair, tiles, turn):
         """
         Fit planes to the linearized nodes of some tiles.
+
+        turn counts the rounds, from 0.
 
         Returns
         -------
@@ -154,10 +188,10 @@ class LeastSquares:
             wide = planes.smooth(tiles[smooth], views, WIDE_RADIUS, step)
             reach[smooth[wide]] = WIDE_RADIUS
         stride = self.tuning.row_stride if turn == 0 else 1
-        self.solve(planes, pair, tiles, reach, self.gates[at], stride)
+        self.solve(linearized, planes, pair, tiles, reach, self.gates[at], stride)
         return tiles[reach < WIDE_RADIUS]
 
-    def polish(self, views, planes, pair, tiles):
+    def polish(self, linearized, views, planes, pair, tiles):
         """
         Fit those tiles once more, in wide windows, that only this round has shown to be smooth.
 
@@ -167,9 +201,9 @@ class LeastSquares:
         smooth = tiles[planes.smooth(tiles, views, WIDE_RADIUS, self.steady[-1])]
         if smooth.size:
             reach = np.full(len(smooth), WIDE_RADIUS, np.int8)  # no window with a gate
-            self.solve(planes, pair, smooth, reach, self.gates[-1], 1)
+            self.solve(linearized, planes, pair, smooth, reach, self.gates[-1], 1)
 
-    def solve(self, planes, pair, tiles, reach, gate, stride):
+    def solve(self, linearized, planes, pair, tiles, reach, gate, stride):
         """
         Replace the planes of some tiles, see `plane_kernels.fit_planes`.
 
@@ -177,7 +211,7 @@ class LeastSquares:
 
         """
         for old, new in planes.rewritten(tiles):
-            fit_planes(self.weight, self.moment, *old, tiles, reach, gate, stride,
+            fit_planes(linearized.weight, linearized.moment, *old, tiles, reach, gate, stride,
                        pair.noise_weight, self.ridge, self.steepest, self.reference, *new,
                        planes.variance)
 

@@ -50,7 +50,7 @@ class Trust:
         self.verdict = Verdict(arena.zeros(grid.shape, F4), arena.zeros(grid.shape, F4),
                                arena.zeros(grid.shape, np.uint8))
 
-    def judge(self, views, planes, misfit, seeds):
+    def judge(self, views, planes, seeds):
         """
         Find out how far each node can be trusted, and why some cannot.
 
@@ -58,8 +58,6 @@ class Trust:
         ----------
         views : Views
         planes : PlaneField
-        misfit : numpy.ndarray, float32, framed
-            Of the nodes under their planes.
         seeds : Seeds
 
         Returns
@@ -67,7 +65,7 @@ class Trust:
         verdict : Verdict
 
         """
-        self.weigh(views, planes, misfit)
+        self.weigh(views, planes)
         if self.tuning.discord_odds:
             self.distrust_discord(planes)
         self.remove_islands(views, planes)
@@ -77,17 +75,17 @@ class Trust:
             self.doubt_repetitions(seeds.clear_share, verdict)
         return verdict
 
-    def weigh(self, views, planes, misfit):
+    def weigh(self, views, planes):
         """Write the evidence of every node, and the log-odds that follow from it."""
-        usual = self.usual_balance(views, planes, misfit)
-        judge(*planes, planes.cost, misfit, planes.variance, views.left.s, views.right.s, usual,
-              *self.grid.nodes, self.form, self.evidence, self.log_odds)
+        usual = self.usual_balance(views, planes)
+        judge(*planes, planes.cost, planes.misfit, planes.variance, views.left.s, views.right.s,
+              usual, *self.grid.nodes, self.form, self.evidence, self.log_odds)
 
-    def usual_balance(self, views, planes, misfit):
+    def usual_balance(self, views, planes):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
         tuning = self.tuning
-        brightness_balance(planes.d, misfit, views.left.s, views.right.s, tuning.balance_step,
-                           self.robust_misfit, *self.balance)
+        brightness_balance(planes.d, planes.misfit, views.left.s, views.right.s,
+                           tuning.balance_step, self.robust_misfit, *self.balance)
         around = (tuning.balance_surroundings,) * 2
         balance, weight = (cv2.blur(each, around) for each in self.balance)
         return self.at_all_nodes(balance / np.maximum(weight, F4(tuning.least_balance_weight)))

@@ -62,13 +62,13 @@ def main():
     calibration, settings = some_calibration(), Settings()
     method = SurfaceMethod(settings, calibration,
                            disparity_limits(calibration.geometry, settings.range))
-    views, planes, fit = method.views, method.planes, method.least_squares
+    views, planes, solver = method.views, method.planes, method.least_squares
     pair, tiles = PairModel.neutral(views), planes.tiles
-    fit.fit(views, planes, pair, tiles, 0)
-    verdict = method.trust.judge(views, planes, fit.misfit, method.coarse.seeds)
+    solver.fit(solver.linearized, views, planes, pair, tiles, 0)
+    verdict = method.trust.judge(views, planes, method.coarse.seeds)
     measured_pixels(planes, verdict, method.geometry, method.limits, method.trust.least_odds)
     propagate_planes(views, planes, pair, tiles, 1, method.tuning.neighbors)
-    fit.linearize(views, planes, pair, tiles)
+    solver.linearize(views, planes, pair, tiles)
     planes.seed(method.coarse.search(views))
 
 
