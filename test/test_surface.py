@@ -7,10 +7,10 @@ from types import SimpleNamespace
 from color_stereo_ros.core import CameraModel, ColorStereo, Settings, Status, StereoCalibration
 from color_stereo_ros.core.cameras.rectification import raw_coordinates
 from color_stereo_ros.core.compiled.arena import Arena
-from color_stereo_ros.core.patterns.expectation import Prior
 from color_stereo_ros.core.surface import method as surface, views as half_grid
 from color_stereo_ros.core.surface.coarse import CoarseSearch
 from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.tuning import changed, slow, TUNING
 import numba
 import numpy as np
 import pytest
@@ -227,20 +227,21 @@ def test_errors_are_as_large_as_the_standard_deviation_says(kind):
 
 @pytest.mark.parametrize('step_x', [2, 1])
 def test_print_shows_beside_slow_colors_and_noise_does_not(step_x):
-    view = zoomed_view(step_x)[0]
+    tuning = changed(TUNING, slow(4)).views
+    view = zoomed_view(step_x, tuning=tuning)[0]
     rng = np.random.default_rng(4)
     noise = rng.uniform(0.95, 1.05, view.s.shape)
     ink = np.where(np.arange(view.s.shape[1]) // 7 % 2, 0.4, 1.0)
     for light, shows in ((noise, False), (noise * ink, True)):
         view.u[:], view.s[:] = 0, 90 * light
         view.add_print()
-        level = np.log(view.s + half_grid.PRINT_KNEE)
-        radius = half_grid.PRINT_RADIUS, half_grid.PRINT_RADIUS * view.columns_per_node
+        level = np.log(view.s + tuning.print_offset)
+        radius = tuning.print_radius, tuning.print_radius * view.columns_per_node
         for y, x in rng.integers(20, min(view.s.shape) - 20, (200, 2)):
             around = level[y - radius[0]:y + radius[0] + 1, x - radius[1]:x + radius[1] + 1]
             excess = level[y, x] - around.mean()
-            expected = half_grid.PRINT_GAIN * np.sign(excess) * max(
-                abs(excess) - half_grid.LEAST_PRINT, 0)
+            expected = tuning.print_gain * np.sign(excess) * max(
+                abs(excess) - tuning.least_print, 0)
             assert view.u[y, x] == pytest.approx(expected, abs=1e-4)
         assert (np.abs(view.u).max() > 0.05) == shows
 
@@ -275,7 +276,7 @@ def test_images_too_small_to_measure_do_no_harm(width, height):
 
 
 def test_the_search_never_leaves_the_image():
-    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), Prior.of(Settings(), 64), 3.0, Arena())
+    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), Settings().matching, TUNING, Arena())
     _, depth, columns = search.upright.cost.shape
     assert depth <= 2 * columns + 1
 
@@ -364,10 +365,10 @@ def test_color_matching_makes_up_for_different_cameras():
 
 def test_gains_make_cameras_alike_and_channels_half_as_unequal():
     strong, weak = np.array([40.0, 10.0, 20.0]), np.array([20.0, 10.0, 5.0])
-    gains = surface.gains_of([strong - 0.5, weak - 0.5])
+    gains = surface.gains_of([strong - 0.5, weak - 0.5], TUNING.views)
     first, second = gains[0] * strong, gains[1] * weak
     np.testing.assert_allclose(first / first.sum(), second / second.sum(), rtol=1e-6)
-    same = surface.gains_of([strong - 0.5, strong - 0.5])[0] * strong
+    same = surface.gains_of([strong - 0.5, strong - 0.5], TUNING.views)[0] * strong
     np.testing.assert_allclose(same[0] / same[1], np.sqrt(strong[0] / strong[1]), rtol=1e-6)
 
 
@@ -528,7 +529,8 @@ def test_shading_tells_repetitions_apart():
     assert 0.6 < np.nanmax(result.confidence[100:140, 130:170]) < 0.95
 
 
-def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 0.0)):
+def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 0.0),
+                tuning=TUNING.views):
     """Return a view whose nodes lie at all fractions of a raw pixel, and their places there."""
     width, height = size
     camera = np.array([[300.0, 0, width / 2], [0, 300.0, height / 2], [0, 0, 1]])
@@ -537,7 +539,7 @@ def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 
     rows, columns = height // 2, width // step_x - 1
     shape = tuple(2 * PAD + surface.whole(count, tile)
                   for count, tile in zip((rows, columns), (TILE_ROWS, TILE_COLUMNS)))
-    view = half_grid.View(model, rows, columns, step_x, shape, False, Arena())
+    view = half_grid.View(model, rows, columns, step_x, shape, False, tuning, Arena())
     area = half_grid.framed_area(rows, columns, half_grid.first_column(step_x))
     return view, area, raw_coordinates(
         half_grid.half_grid_camera(model, rows, columns, step_x))
@@ -547,7 +549,7 @@ def seen(view, image):
     """Return the first chromaticity and which nodes have a color."""
     color = Settings().color
     view.load(image, color)
-    view.fill(np.zeros(3, np.float32), np.ones(3, np.float32), color, 0)
+    view.fill(np.zeros(3, np.float32), np.ones(3, np.float32), color)
     return view.u, view.inside
 
 
@@ -587,4 +589,4 @@ def test_a_lens_whose_distortion_folds_leaves_the_rest_of_the_image_alone():
     known = view.kernel_variance[np.isfinite(view.kernel_variance)]
     view.even_out(np.median(known), Arena())
     center = view.widening[:, area[0], area[1]][:, 80:160, 110:210]
-    assert np.abs(center).max() < half_grid.MOST_GAIN
+    assert np.abs(center).max() < TUNING.views.largest_gain

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..compiled.arena import Arena
 from ..compiled.bands import BANDS
-from ..patterns.expectation import APERIODIC, Prior
+from ..patterns.expectation import Expectation
 from ..results import Measurement
 from ..status import Status
 from .coarse import CoarseSearch
@@ -31,53 +31,9 @@ from .neighbor_kernels import HALO, propagate
 from .pixel_kernels import expand
 from .plane_kernels import find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS
 from .trust_kernels import brightness_balance, find_hidden, judge, remove_islands, settle
+from .tuning import tuning_for
 from .view_kernels import add_color_sums
-from .views import framed_area, SOFT, View
-
-NOISE_WEIGHTS = 0.15, 1.0  # of a node that shows only noise: demosaiced, independent
-INDEPENDENT = 0.85, 0.95   # change to the next pixel / to the next but one: see noise_weight
-QUARTILE = 0.5754   # first quartile of chi-square with two degrees of freedom
-ROBUST = F4(9.0)    # misfit at which a node counts half
-RIDGE = F4(0.1)     # node^2: how firmly a slope keeps its last value
-STEEPEST = F4(6.0)  # px per node
-GATES = 1.5, 1.5, 0.75   # px from the plane of the center, per round
-GATES_SLOW = 3.0, 1.5, 0.75  # likewise under a pattern whose colors change slowly
-STEADY = 3.0, 2.5, 1.25  # px from the plane of a node SPAN away, likewise and in the end
-STEADY_SLOW = 16.0, 12.0, 6.0  # likewise under such a pattern: creases do not show there
-STEPS = (4, 1), (1,)  # nodes, per propagation between the rounds
-TRUNCATION = F4(60.0)    # misfit beyond which a node says no more than that it does not fit
-INERTIA_SLOW = 0.5  # by how much the plane of a neighbor must fit better under such a pattern
-CONTINUOUS = F4(1.0)     # px between neighbors on one surface
-BRIGHT = F4(48.0)   # DN of summed channels: of darker nodes more must agree to be no island
-SEPARATE = F4(1.0)  # px between two surfaces that claim one place of the right image
-COARSE_VARIANCE = F4(0.09)  # px^2, of a seed that nothing has refined
-VAGUE = 0.7         # px: standard deviation of a plane that is too uncertain to publish
-VAGUE_SLOW = 1.0    # px: likewise under a pattern whose colors change slowly
-# Log-odds of being right within 1 px: a quadratic form of one and the evidence that
-# `_trust_kernels.judge` lists. Fitted on simulated scenes, see docs/surface_method.md.
-MODEL = np.array([
-    [12.516, -0.863, -0.749, -16.460, -8.159, -5.095],
-    [0, -0.002, -0.044, 0.104, 0.272, 0.545],
-    [0, 0, -0.031, 0.661, 0.815, 0.208],
-    [0, 0, 0, 10.139, -1.186, 1.850],
-    [0, 0, 0, 0, 1.705, 2.141],
-    [0, 0, 0, 0, 0, -4.752]], F4)
-HIDDEN_ODDS = F4(-4.0)  # more than the fit (-1): there is no cheaper way to fewer false ranges
-ODDS_SLOW = F4(-1.0)  # of all nodes under a pattern whose colors change slowly
-BALANCE_STEP = 4    # nodes between samples of the brightness that two views of a surface have
-BALANCE_SURROUNDINGS = 5, 5  # samples: several, but hardly more than one surface
-ADAPT_STEPS = 8, 4  # nodes between samples: thousands are left at 640 x 480
-THINNED = 2         # nodes between samples
-SURROUNDINGS = 15, 15  # samples: here some planes of real surfaces lie closer to their neighbors
-APART = F4(0.3)     # than this (px^0.5); where a larger share than this contradicts them,
-DISCORD = F4(0.65)  # matches are chance,
-DISCORD_ODDS = F4(20.0)  # and lose up to these log-odds
-# Share of clear nodes around a node under a pattern that repeats, and log-odds that its period
-# is the right one: measured on simulated scenes under 16 sines, see docs/surface_method.md.
-PERIOD_ODDS = ((0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.99, 1.0),
-               (-0.6, -0.4, 0.4, 1.1, 2.1, 4.2, 5.5, 14.0))
-WRONG_PERIOD_REASONS = (Status.NO_MATCH, Status.INCONSISTENT, Status.OUT_OF_RANGE,
-                        Status.IMPLAUSIBLE)  # what a wrong period looks like
+from .views import framed_area, View
 
 
 class SurfaceMethod:
@@ -92,13 +48,19 @@ class SurfaceMethod:
         Smallest and largest disparity, px.
     rectified_input : bool
         The images arrive rectified already.
+    tuning : Tuning or None
+        None: that which suits the pattern.
 
     """
 
-    def __init__(self, settings, calibration, limits, rectified_input=False):
+    def __init__(self, settings, calibration, limits, rectified_input=False, tuning=None):
         """Build the maps and allocate all buffers."""
         self.settings = settings
         self.geometry = calibration.geometry
+        if tuning is None:
+            tuning = tuning_for(Expectation.of(settings.pattern), self.geometry.width)
+        self.tuning = tuning
+        self.load_constants(tuning)
         self.limits = np.array(limits, F4)
         height, width = self.geometry.height, self.geometry.width
         self.nodes = height // 2, width // 2
@@ -107,30 +69,19 @@ class SurfaceMethod:
         rows, columns = self.nodes
         self.inner = framed_area(rows, columns, PAD)
         arena = Arena()
-        self.left = View(calibration.left, rows, columns, 2, shape, rectified_input, arena)
+        self.left = View(calibration.left, rows, columns, 2, shape, rectified_input,
+                         tuning.views, arena)
         self.right = View(calibration.right, rows, width - 1, 1, (shape[0], width),
-                          rectified_input, arena)
+                          rectified_input, tuning.views, arena)
         views = self.left, self.right
         known = np.concatenate([view.kernel_variance[np.isfinite(view.kernel_variance)]
                                 for view in views])
         variance = np.median(known) if known.size else 0.0
         for view in views:
             view.even_out(variance, arena)
-        prior = Prior.of(settings, width)
-        # averaged colors change too slowly for their blur to show
-        foreshortened = settings.matching.foreshortening and not prior.blur
+        foreshortened = settings.matching.foreshortening and tuning.planes.foreshortening
         self.kernel = F4(variance if foreshortened else 0.0)
-        self.blur = prior.blur
-        self.vague = F4(VAGUE_SLOW if prior.blur else VAGUE)
-        self.gates = np.array(GATES_SLOW if prior.blur else GATES, F4)
-        self.steady = np.array(STEADY_SLOW if prior.blur else STEADY, F4)
-        self.inertia = F4(INERTIA_SLOW if prior.blur else 0.0)
-        self.correlation = F4(correlation(prior.blur))
-        self.model = MODEL
-        if prior.blur:
-            self.model = MODEL.copy()
-            self.model[0, 0] += ODDS_SLOW
-        self.coarse = CoarseSearch(self.nodes, width, limits, prior, SOFT, arena)
+        self.coarse = CoarseSearch(self.nodes, width, limits, settings.matching, tuning, arena)
         self.tiles = tiles_of(shape)
         self.planes = [arena.full(shape, value, F4) for value in (np.nan, 0, 0)]
         self.spare = [arena.empty(shape, F4) for _ in self.planes]
@@ -140,8 +91,8 @@ class SurfaceMethod:
         self.trust, self.std, self.odds = (arena.zeros(shape, F4) for _ in range(3))
         # seeds that nothing compares count as fitting, as their cost does
         self.misfit = arena.full(shape, np.nan if settings.matching.refinements else 1.0, F4)
-        self.evidence = arena.empty((len(MODEL) - 1, *self.nodes), F4)
-        samples = (max(1, count // BALANCE_STEP) for count in self.nodes)
+        self.evidence = arena.empty((len(self.model) - 1, *self.nodes), F4)
+        samples = (max(1, count // tuning.trust.balance_step) for count in self.nodes)
         self.balance = arena.zeros((2, *samples), F4)
         self.hidden = arena.zeros(shape, bool)
         self.owners = arena.empty((BANDS, width), np.int32), arena.empty((BANDS, width), F4)
@@ -151,6 +102,22 @@ class SurfaceMethod:
         self.matrix, self.scale, self.noise_weight = np.eye(2, 3, dtype=F4), F4(1), F4(1)
         if settings.matching.refinements:
             self.color_matrix()  # the black pair that warms the kernels does not come that far
+
+    def load_constants(self, tuning):
+        """Keep the constants that the kernels get as arguments in their types."""
+        planes, trust = tuning.planes, tuning.trust
+        self.robust, self.steepest = F4(planes.robust_misfit), F4(planes.steepest)
+        self.ridge = F4(planes.ridge if self.settings.matching.slanted else planes.rigid_ridge)
+        self.gates = np.array(planes.gates, F4)
+        self.steady = np.array(planes.steadiness, F4)
+        self.truncation = F4(tuning.neighbors.misfit_cap)
+        self.inertia = F4(tuning.neighbors.inertia)
+        self.model = np.array(trust.form, F4)
+        self.model[0, 0] += F4(trust.odds_offset)
+        self.vague = F4(trust.vague_std)
+        self.hidden_odds = F4(trust.hidden_odds)
+        self.least_odds = log_odds(self.settings.matching.min_confidence,
+                                   tuning.pixels.least_probability)
 
     def measure(self, left, right, clock):
         """
@@ -173,34 +140,39 @@ class SurfaceMethod:
         levels = [self.left.load(left, color), self.right.load(right, color)]
         if self.same_cameras(levels):
             levels = shared(levels)
-        gains = gains_of([mean for _, mean in levels]) if color.equalize else np.ones((2, 3), F4)
+        gains = np.ones((2, 3), F4)
+        if color.equalize:
+            gains = gains_of([mean for _, mean in levels], self.tuning.views)
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
-            view.fill(dark, gain, color, self.blur)
-        self.noise_weight = F4(noise_weight(left) / (1 + 2 * self.blur) ** 2)
+            view.fill(dark, gain, color)
+        averaged = (1 + 2 * self.tuning.views.averaging_radius) ** 2
+        self.noise_weight = F4(noise_weight(left, self.tuning.views) / averaged)
         clock.lap('colors')
         self.seed()
         clock.lap('coarse')
         self.matrix, self.scale = np.eye(2, 3, dtype=F4), F4(1)
         self.cost.fill(1.0)
-        self.variance.fill(COARSE_VARIANCE)
+        self.variance.fill(F4(self.tuning.coarse.seed_variance))
         for turn in range(matching.refinements):
             self.refine(turn, clock)
-        if self.blur and matching.refinements:
-            self.variance *= self.correlation
+        if self.tuning.planes.noise_correlation != 1 and matching.refinements:
+            self.variance *= F4(self.tuning.planes.noise_correlation)
         self.judge()
         clock.lap('judge')
         return self.expand(clock)
 
     def refine(self, turn, clock):
         """Do one round: planes from neighbors (not in the first round), then least squares."""
-        tiles = self.tiles
+        planes, tiles = self.tuning.planes, self.tiles
         if turn > 0 and self.settings.matching.propagation:
-            tiles = self.propagate(STEPS[min(turn, len(STEPS)) - 1])
+            steps = self.tuning.neighbors.steps
+            tiles = self.propagate(steps[min(turn, len(steps)) - 1])
             clock.lap(f'propagate {turn}')
         # colors and noise are known better after the first round: everything is fitted anew
-        fitted = self.tiles if turn < 2 else tiles
+        fitted = self.tiles if turn < planes.full_rounds else tiles
         self.linearize(fitted)
-        rough = self.fit_planes(fitted, min(turn, len(GATES) - 1), 2 if turn == 0 else 1)
+        rough = self.fit_planes(fitted, min(turn, len(self.gates) - 1),
+                                planes.row_stride if turn == 0 else 1)
         clock.lap(f'fit {turn + 1}')
         self.linearize(tiles)
         if turn == 0:
@@ -215,16 +187,16 @@ class SurfaceMethod:
         Return whether both cameras get the same gains; levels are those of left and right.
 
         Every part of an aperiodic pattern holds all hues alike, so that there a difference of
-        the channel means is one of the cameras; of other patterns they may see different parts.
+        the channel means is one of the cameras; of other patterns they may see different parts,
+        and `same_camera_balance` is infinite.
 
         """
         choice = self.settings.color.equalize_cameras
         if choice != 'automatic':
             return choice == 'shared'
-        if self.settings.pattern.type not in APERIODIC:
-            return True
-        balance = np.log((levels[0][1] + F4(0.5)) / (levels[1][1] + F4(0.5)))
-        return np.ptp(balance) < SAME_BALANCE
+        offset = F4(self.tuning.views.channel_offset)
+        balance = np.log((levels[0][1] + offset) / (levels[1][1] + offset))
+        return np.ptp(balance) < self.tuning.views.same_camera_balance
 
     def seed(self):
         """Search all disparities on the coarse grid and give every node a first plane."""
@@ -241,7 +213,7 @@ class SurfaceMethod:
         """Compare the nodes of some tiles with the places that their disparities point to."""
         left, right = self.left, self.right
         linearize(left.u, left.v, left.variance, right.u, right.v, right.variance, self.kernel,
-                  self.matrix, *self.planes, tiles, ROBUST, self.scale, self.reference,
+                  self.matrix, *self.planes, tiles, self.robust, self.scale, self.reference,
                   self.weight, self.moment, self.misfit)
 
     def fit_planes(self, tiles, turn, stride):
@@ -277,9 +249,9 @@ class SurfaceMethod:
         """Replace the planes of some tiles, see `_plane_kernels.fit_planes`."""
         if len(tiles) < len(self.tiles):
             self.copy_planes()
-        ridge = RIDGE if self.settings.matching.slanted else F4(1e6)
         fit_planes(self.weight, self.moment, *self.planes, tiles, reach, gate, stride,
-                   self.noise_weight, ridge, STEEPEST, self.reference, *self.spare, self.variance)
+                   self.noise_weight, self.ridge, self.steepest, self.reference, *self.spare,
+                   self.variance)
         self.planes, self.spare = self.spare, self.planes
 
     def smooth(self, tiles, halo, step=None):
@@ -307,32 +279,35 @@ class SurfaceMethod:
         for turn, step in enumerate(steps):
             # the planes of the first call cost what it found
             propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                      self.kernel, self.matrix, self.scale, TRUNCATION, self.inertia,
+                      self.kernel, self.matrix, self.scale, self.truncation, self.inertia,
                       *self.planes, tiles, step, turn > 0, *self.spare, self.cost)
             self.planes, self.spare = self.spare, self.planes
         return tiles
 
     def adapt(self):
         """Measure from the matches so far how colors and noise of this pair really are."""
-        rows, columns = self.nodes
-        area = np.s_[PAD + 1:PAD + rows:ADAPT_STEPS[0],
-                     PAD + 1:PAD + columns:ADAPT_STEPS[1]]
-        misfit = self.misfit[area]
+        tuning = self.tuning.planes
+        steps = (slice(PAD + 1, PAD + count, step)
+                 for count, step in zip(self.nodes, tuning.adapt_steps))
+        misfit = self.misfit[tuple(steps)]
         known = misfit[np.isfinite(misfit)]
-        if known.size < 100:
+        if known.size < tuning.least_samples:
             return
         at = known.size // 4
-        self.scale = F4(np.clip(np.partition(known, at)[at] / QUARTILE, 0.1, 100.0))
-        if self.settings.matching.color_matching and not self.blur:
+        self.scale = F4(np.clip(np.partition(known, at)[at] / tuning.quartile,
+                                *tuning.scale_limits))
+        if self.settings.matching.color_matching and tuning.color_matching:
             self.matrix = self.color_matrix()
 
     def color_matrix(self):
         """Return the affine map (2, 3) from right to left chromaticities of matched nodes."""
-        # a prior of 100 nodes for equal cameras steadies images with little color
-        normal, target = np.diag([50.0, 50.0, 50.0]), 50 * np.eye(3, 2)
+        # a prior for equal cameras steadies images with little color
+        prior = self.tuning.planes.color_prior
+        normal, target = np.diag([prior, prior, prior]), prior * np.eye(3, 2)
         left, right = self.left, self.right
         add_color_sums(left.u, left.v, right.u, right.v, self.planes[0], self.misfit,
-                       ROBUST * self.scale, *self.nodes, *ADAPT_STEPS, normal, target)
+                       self.robust * self.scale, *self.nodes, *self.tuning.planes.adapt_steps,
+                       normal, target)
         # rows in memory as in `measure`: another layout would compile the kernels again
         return np.ascontiguousarray(np.linalg.solve(normal, target).T, F4)
 
@@ -341,20 +316,21 @@ class SurfaceMethod:
         judge(*self.planes, self.cost, self.misfit, self.variance, self.left.s,
               self.right.s, self.usual_balance(), *self.nodes, self.model, self.evidence,
               self.trust)
-        if not self.blur:
+        trust = self.tuning.trust
+        if trust.discord_odds:
             self.distrust_discord()
         least_nodes = self.settings.matching.min_segment // 4
         if least_nodes > 1:
-            remove_islands(*self.planes, self.trust, self.left.s, BRIGHT, *self.nodes,
-                           CONTINUOUS, least_nodes, *self.segments)
+            remove_islands(*self.planes, self.trust, self.left.s, F4(trust.bright), *self.nodes,
+                           F4(trust.continuous), least_nodes, *self.segments)
         if self.settings.matching.occlusion_test:
             find_hidden(*self.planes[:2], self.trust, *self.nodes, self.geometry.width,
-                        SEPARATE, self.hidden, *self.owners)
-        color = self.settings.color
+                        F4(trust.separate), self.hidden, *self.owners)
+        color, margin = self.settings.color, self.tuning.pixels.limit_margin
         settle(self.planes[0], self.variance, self.evidence, self.cost, self.trust,
                self.hidden, self.left.peak, self.left.s, *self.nodes,
-               self.limits + np.array([-0.5, 0.5], F4), F4(color.saturation_level - 1),
-               F4(color.min_signal), HIDDEN_ODDS, self.vague, self.std, self.odds,
+               self.limits + np.array([-margin, margin], F4), F4(color.saturation_level - 1),
+               F4(color.min_signal), self.hidden_odds, self.vague, self.std, self.odds,
                self.reason)
         if self.coarse.least_gap > 0:
             self.doubt_repetitions()
@@ -369,7 +345,8 @@ class SurfaceMethod:
         """
         share = cv2.resize(self.coarse.clear_share, self.nodes[::-1],
                            interpolation=cv2.INTER_LINEAR)
-        odds = np.interp(share, *PERIOD_ODDS).astype(F4)
+        repetition = self.tuning.repetition
+        odds = np.interp(share, repetition.clear_shares, repetition.odds).astype(F4)
         rows, columns = self.inner
         framed = np.s_[rows, columns.start - 1:columns.stop + 1]  # `settle` repeats the borders
         np.minimum(self.odds[framed], np.pad(odds, ((0, 0), (1, 1)), 'edge'),
@@ -379,16 +356,18 @@ class SurfaceMethod:
     def explain_repetitions(self, odds):
         """Give nodes that have no range because the pattern repeats there that reason."""
         reason = self.reason[self.inner]
-        reason[(odds < log_odds(self.settings.matching.min_confidence))
-               & np.isin(reason, WRONG_PERIOD_REASONS)] = Status.AMBIGUOUS
+        wrong_period = [Status[name] for name in self.tuning.repetition.reasons]
+        reason[(odds < self.least_odds) & np.isin(reason, wrong_period)] = Status.AMBIGUOUS
 
     def usual_balance(self):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
+        trust = self.tuning.trust
         brightness_balance(self.planes[0], self.misfit, self.left.s, self.right.s,
-                           BALANCE_STEP, ROBUST, *self.balance)
-        balance, weight = (cv2.blur(each, BALANCE_SURROUNDINGS) for each in self.balance)
-        return cv2.resize(balance / np.maximum(weight, F4(1e-3)), self.nodes[::-1],
-                          interpolation=cv2.INTER_LINEAR)
+                           trust.balance_step, self.robust, *self.balance)
+        balance, weight = (cv2.blur(each, 2 * (trust.balance_surroundings,))
+                           for each in self.balance)
+        return cv2.resize(balance / np.maximum(weight, F4(trust.least_balance_weight)),
+                          self.nodes[::-1], interpolation=cv2.INTER_LINEAR)
 
     def distrust_discord(self):
         """
@@ -398,19 +377,20 @@ class SurfaceMethod:
         node looks as good as a true one, but not its surroundings.
 
         """
-        rows, columns = self.nodes
-        thinned = np.s_[::THINNED, ::THINNED]  # a share needs no more samples
-        known = (self.variance[self.inner][thinned] < F4(0.25)).view(np.uint8)
-        apart = (self.evidence[3][thinned] > APART).view(np.uint8) & known
+        trust = self.tuning.trust
+        thinned = 2 * (slice(None, None, trust.discord_step),)  # a share needs no more samples
+        known = (self.variance[self.inner][thinned] < F4(trust.discord_variance)).view(np.uint8)
+        apart = (self.evidence[3][thinned] > F4(trust.discord_distance)).view(np.uint8) & known
         # border pixels are repeated, by both counts alike
-        counts = [cv2.boxFilter(each, cv2.CV_32F, SURROUNDINGS, normalize=False)
+        surroundings = 2 * (trust.discord_surroundings,)
+        counts = [cv2.boxFilter(each, cv2.CV_32F, surroundings, normalize=False)
                   for each in (apart, known)]
         share = counts[0] / np.maximum(counts[1], F4(1))
-        excess = np.maximum(share - DISCORD, F4(0))
+        excess = np.maximum(share - F4(trust.discord_share), F4(0))
         if excess.any():
-            excess = cv2.resize(excess, (columns, rows), interpolation=cv2.INTER_LINEAR)
-            cv2.scaleAdd(excess, -float(DISCORD_ODDS / (F4(1) - DISCORD)), self.trust[self.inner],
-                         dst=self.trust[self.inner])
+            excess = cv2.resize(excess, self.nodes[::-1], interpolation=cv2.INTER_LINEAR)
+            loss = float(F4(trust.discord_odds) / (F4(1) - F4(trust.discord_share)))
+            cv2.scaleAdd(excess, -loss, self.trust[self.inner], dst=self.trust[self.inner])
 
     def expand(self, clock):
         """Return the measurement at every pixel."""
@@ -420,44 +400,32 @@ class SurfaceMethod:
         expand(*self.planes, self.std, self.odds, self.reason, *self.nodes,
                self.limits, F4(self.geometry.focal_baseline),
                F4(self.geometry.principal_offset),
-               log_odds(self.settings.matching.min_confidence), disparity, depth, std,
+               self.least_odds, disparity, depth, std,
                confidence, status)
         clock.lap('expand')
         return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
                            status=status, depth=depth)
 
 
-def correlation(blur):
-    """
-    Return what averaged colors make of the variance of planes that are fitted to them.
-
-    Nodes that are averages over 2 blur + 1 nodes share their noise with their neighbors: a window
-    holds fewer independent ones than it has nodes. The factor is that of a mean over the wide
-    window, whose noise is white before it is averaged; 1 without averages.
-
-    """
-    box, window = 2 * blur + 1, 2 * WIDE_RADIUS + 1
-    shares = np.convolve(np.ones(box), np.ones(window))
-    return ((shares ** 2).sum() / (box * window)) ** 2
-
-
-def noise_weight(image):
+def noise_weight(image, tuning):
     """
     Return the weight that mere noise has at a node of an image, uint8 (H, W, 3).
 
     The noise of a single-chip camera changes slowly from pixel to pixel, since demosaicing
     interpolates; that of other cameras (and of gray images without any pattern) does not, and
-    has steeper gradients.
+    has steeper gradients. tuning: ViewTuning.
 
     """
-    rows = image[8::32]
+    demosaiced, independent = tuning.noise_weights
+    first, step = tuning.noise_rows
+    rows = image[first::step]
     if rows.shape[0] == 0 or rows.shape[1] < 3:
-        return NOISE_WEIGHTS[1]
+        return independent
     near, far = (cv2.norm(rows[:, step:], rows[:, :-step], cv2.NORM_L1) / (rows.shape[1] - step)
                  for step in (1, 2))
-    low, high = INDEPENDENT
+    low, high = tuning.noise_steps
     share = np.clip((near / max(far, 1e-6) - low) / (high - low), 0, 1)
-    return NOISE_WEIGHTS[0] + share * (NOISE_WEIGHTS[1] - NOISE_WEIGHTS[0])
+    return demosaiced + share * (independent - demosaiced)
 
 
 def shared(levels):
@@ -466,21 +434,19 @@ def shared(levels):
     return [(dark, mean) for dark, _ in levels]
 
 
-def gains_of(means):
+def gains_of(means, tuning):
     """
     Return the gains of the channels of both cameras, float32 (2, 3), from their means (DN).
 
     They make the cameras alike, and the channels half as unequal as they are (of logarithms):
     without that the hues of a weak channel count for little, fully amplified its noise for much.
+    tuning: ViewTuning.
 
     """
-    means = np.array(means, np.float64) + 0.5
+    means = np.array(means, np.float64) + tuning.channel_offset
     balance = means / means.mean(axis=1, keepdims=True)
     common = np.sqrt(balance[0] * balance[1])
-    return np.clip(np.sqrt(common) / balance, 0.25, 4.0).astype(F4)
-
-
-SAME_BALANCE = 0.12  # of logarithms: cameras of one type under an aperiodic pattern
+    return np.clip(np.sqrt(common) / balance, *tuning.channel_gain_limits).astype(F4)
 
 
 def tiles_of(shape):
@@ -496,7 +462,7 @@ def whole(count, step):
     return -(-count // step) * step
 
 
-def log_odds(probability):
-    """Return the log-odds of a probability 0..1, float32, finite."""
-    p = min(max(probability, 1e-6), 1 - 1e-6)
+def log_odds(probability, least):
+    """Return the log-odds of a probability, float32, as if within least .. 1 - least."""
+    p = min(max(probability, least), 1 - least)
     return F4(math.log(p / (1 - p)))

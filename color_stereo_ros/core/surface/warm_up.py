@@ -56,14 +56,14 @@ def main():
     from ..pipeline import Stopwatch
     from ..settings.groups import Settings
     from ..triangulation import disparity_limits
-    from .method import STEPS, SurfaceMethod
+    from .method import SurfaceMethod
     calibration, settings = some_calibration(), Settings()
     method = SurfaceMethod(settings, calibration,
                            disparity_limits(calibration.geometry, settings.range))
     method.fit_planes(method.tiles, 0, 2)
     method.judge()
     method.expand(Stopwatch())
-    method.propagate(STEPS[0])
+    method.propagate(method.tuning.neighbors.steps[0])
     method.linearize(method.tiles)
     method.seed()
 
