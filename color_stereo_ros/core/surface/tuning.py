@@ -72,8 +72,8 @@ class ViewTuning(Constants):
         (6.0, 0.25, 0.0006), 'DN^2, DN, 1', 'Camera noise: variance of the sum of the channels = '
         'floor + shot s + relative s^2.',
         chosen('A plausible camera; the scale is measured in each pair. ' + FIRST))
-    kernel_variance: float = constant(
-        0.75, 'px^2', 'Variance of the kernel of a pixel behind a mosaic, and of a sum of two.',
+    pixel_variance: float = constant(
+        0.75, 'px^2', 'Variance of the point spread of a pixel behind a mosaic, and a sum of two.',
         derived('Linear demosaicing, (1 2 1) / 4, adds 1/2 px^2, a sum of two pixels 1/4 px^2.'))
     least_gain: float = constant(
         0.02, '1', 'Smallest gain of second differences that is worth the time.',
