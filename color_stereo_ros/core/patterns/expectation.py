@@ -4,8 +4,8 @@
 from dataclasses import dataclass, replace
 import math
 
-APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
-SLOW = 'sweep', 'bright_sweep', 'sine'
+from .pattern import Repeats
+from .registry import is_aperiodic, repetition
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,10 @@ class Prior:
 
 def _kind(pattern, width):
     """Return the prior before the settings change it."""
-    if pattern.type in APERIODIC:
+    if is_aperiodic(pattern):
         return Prior(texture=0.35, surroundings=9, knee=12.0, smoothness=1.0, blur=0,
                      least_gap=0.0)
-    cycles = pattern.cycles if pattern.type in SLOW else math.inf  # unknown
+    cycles = pattern.cycles if repetition(pattern) is Repeats.CYCLES else math.inf
     # A color that changes slowly shows its slope only over many pixels.
     blur = min(4, round(width / cycles / 160))
     # Neighbors and the brightness of the surface tell repetitions apart: shading, too, and not

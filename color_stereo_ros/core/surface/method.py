@@ -21,7 +21,8 @@ import numpy as np
 
 from ..compiled.arena import Arena
 from ..compiled.bands import BANDS
-from ..patterns.expectation import APERIODIC, Prior
+from ..patterns.expectation import Prior
+from ..patterns.registry import is_aperiodic
 from ..results import Measurement
 from ..status import Status
 from .coarse import CoarseSearch
@@ -221,7 +222,7 @@ class SurfaceMethod:
         choice = self.settings.color.equalize_cameras
         if choice != 'automatic':
             return choice == 'shared'
-        if self.settings.pattern.type not in APERIODIC:
+        if not is_aperiodic(self.settings.pattern):
             return True
         balance = np.log((levels[0][1] + F4(0.5)) / (levels[1][1] + F4(0.5)))
         return np.ptp(balance) < SAME_BALANCE
