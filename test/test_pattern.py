@@ -2,7 +2,7 @@
 """The patterns have the properties that the paper and their names promise."""
 
 from color_stereo_ros.core import make_pattern, PatternSettings, Settings, SettingsError
-from color_stereo_ros.core.patterns.expectation import Prior
+from color_stereo_ros.core.patterns.expectation import Expectation
 from color_stereo_ros.core.patterns.pattern import Pattern, Repeats
 from color_stereo_ros.core.patterns.pseudo_noise import repeated_neighborhoods
 from color_stereo_ros.core.patterns.registry import is_aperiodic, makable, PATTERNS, repeating
@@ -51,7 +51,7 @@ def test_a_registered_type_is_a_choice_made_and_expected_at_once():
                                           Repeats.NEVER, uniform_brightness=True))
         settings = Settings().updated({'pattern.type': 'gray'})
         assert is_aperiodic(settings.pattern)
-        assert Prior.of(settings, 640) == Prior.of(Settings(), 640)
+        assert Expectation.of(settings.pattern) == Expectation.of(PatternSettings())
         assert (make_pattern(settings.pattern) == 128).all()
     with pytest.raises(SettingsError, match="pattern.type = 'gray' is not one of hue_field"):
         pattern('gray')
