@@ -18,10 +18,11 @@ from color_stereo_ros.core.compiled.arena import Arena
 from color_stereo_ros.core.compiled.bands import band, BANDS
 from color_stereo_ros.core.compiled.stack import LENGTH
 from color_stereo_ros.core.constants import replaced
-from color_stereo_ros.core.surface import method as surface
+from color_stereo_ros.core.surface import planes as surface_planes
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
 from color_stereo_ros.core.surface.coarse_kernels import (
     add_turned, GUARD, reduce_colors, seed_planes, winners)
+from color_stereo_ros.core.surface.grid import tiles_of
 from color_stereo_ros.core.surface.grid_kernels import CEILING, FLAT, PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO, MARGIN, propagate
 from color_stereo_ros.core.surface.pixel_kernels import expand
@@ -42,13 +43,13 @@ ROWS, COLUMNS = 13, 41            # no multiples of a tile
 SHAPE = (2 * PAD + 2 * TILE_ROWS, 2 * PAD + 2 * TILE_COLUMNS)
 WIDTH = 2 * COLUMNS
 INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
-TILES = surface.tiles_of(SHAPE)
+TILES = tiles_of(SHAPE)
 SOFT, NOISE = F4(TUNING.views.softening), tuple(F4(each) for each in TUNING.views.noise)
+KERNEL = F4(1.2)  # px^2
 ROBUST, STEEPEST = F4(TUNING.planes.robust_misfit), F4(TUNING.planes.steepest)
 TRUNCATION = F4(TUNING.neighbors.misfit_cap)
 CONTINUOUS, SEPARATE = F4(TUNING.trust.continuous), F4(TUNING.trust.separate)
-MODEL = np.array(TUNING.trust.form, F4)
-KERNEL = F4(1.2)  # px^2
+FORM = np.array(TUNING.trust.form, F4)
 MATRIX = np.array([[1.1, 0.05, 0.02], [-0.04, 0.9, -0.03]], F4)
 
 
@@ -100,7 +101,7 @@ def unknown(count):
 
 
 def test_every_parallel_kernel_has_a_twin():
-    parallel = [node.name for path in Path(surface.__file__).parent.glob('*_kernels.py')
+    parallel = [node.name for path in Path(surface_planes.__file__).parent.glob('*_kernels.py')
                 for node in ast.parse(path.read_text()).body
                 if isinstance(node, ast.FunctionDef)
                 and any('banded' in ast.unparse(mark) for mark in node.decorator_list)]
@@ -496,10 +497,10 @@ def judged(seed):
     left_s, right_s, balance = brightness(rng)
     evidence, trust = np.empty((5, ROWS, COLUMNS), F4), np.zeros(SHAPE, F4)
     judge(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
-          MODEL, evidence, trust)
+          FORM, evidence, trust)
     expected = naive.judge(shape.astype(float), cost, misfit, variance.astype(float),
                            left_s.astype(float), right_s.astype(float), balance, ROWS, COLUMNS,
-                           MODEL.astype(float))
+                           FORM.astype(float))
     return (evidence, trust[INNER]), expected
 
 
