@@ -45,10 +45,10 @@ WIDTH = 2 * COLUMNS
 INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
 TILES = tiles_of(SHAPE)
 SOFT, NOISE = F4(TUNING.views.softening), tuple(F4(each) for each in TUNING.views.noise)
+KERNEL = F4(1.2)  # px^2
 ROBUST, STEEPEST = F4(TUNING.planes.robust_misfit), F4(TUNING.planes.steepest)
 TRUNCATION = F4(TUNING.neighbors.misfit_cap)
 CONTINUOUS, SEPARATE = F4(TUNING.trust.continuous), F4(TUNING.trust.separate)
-KERNEL = F4(1.2)  # px^2
 FORM = np.array(TUNING.trust.form, F4)
 MATRIX = np.array([[1.1, 0.05, 0.02], [-0.04, 0.9, -0.03]], F4)
 

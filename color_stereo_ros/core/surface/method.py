@@ -58,8 +58,9 @@ class SurfaceMethod:
         if tuning is None:
             tuning = tuning_for(Expectation.of(settings.pattern), self.geometry.width)
         self.tuning = tuning
-        self.views = Views(calibration, grid, settings, tuning, rectified_input, arena)
-        self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning, arena)
+        self.views = Views(calibration, grid, settings, tuning.views, rectified_input, arena)
+        self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
+                                   arena)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,

@@ -30,7 +30,7 @@ class Views:
     calibration : StereoCalibration
     grid : HalfGrid
     settings : Settings
-    tuning : Tuning
+    tuning : ViewTuning
     rectified_input : bool
         The images arrive rectified already.
     arena : Arena
@@ -49,19 +49,19 @@ class Views:
 
     def __init__(self, calibration, grid, settings, tuning, rectified_input, arena):
         """Build the maps of both cameras and make their point spreads alike."""
-        self.grid, self.settings, self.tuning = grid, settings, tuning.views
+        self.grid, self.settings, self.tuning = grid, settings, tuning
         rows, columns = grid.nodes
         self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input,
-                         tuning.views, arena)
+                         tuning, arena)
         self.right = View(calibration.right, rows, grid.width - 1, 1,
-                          (grid.shape[0], grid.width), rectified_input, tuning.views, arena)
+                          (grid.shape[0], grid.width), rectified_input, tuning, arena)
         both = self.left, self.right
         known = np.concatenate([view.psf_variance[np.isfinite(view.psf_variance)]
                                 for view in both])
         variance = np.median(known) if known.size else 0.0
         for view in both:
             view.even_out(variance, arena)
-        foreshortened = settings.matching.foreshortening and tuning.planes.foreshortening
+        foreshortened = settings.matching.foreshortening and tuning.foreshortening
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
 
@@ -80,7 +80,7 @@ class Views:
         gains = channel_gains(levels, color, self.tuning)
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
             view.fill(dark, gain, color)
-        averaged = (1 + 2 * self.tuning.averaging_radius) ** 2  # nodes
+        averaged = (1 + 2 * self.tuning.averaging_radius) ** 2
         self.noise_weight = F4(noise_weight(left, self.tuning) / averaged)
         return self
 
@@ -112,8 +112,7 @@ class View:
         self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
         self.box = arena.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
-        self.psf_variance = psf_variance(
-            camera, rows, columns, step_x, places, tuning)
+        self.psf_variance = psf_variance(camera, rows, columns, step_x, places, tuning)
         self.widening = np.empty((2, 0, 0), F4)
         self.ring = arena.empty((BANDS, 3, 3, shape[1]), F4)
         self.u, self.v, self.s, self.peak, self.variance = (
@@ -259,7 +258,8 @@ def psf_variance(camera, rows, columns, step_x, places, tuning):
 
     Pixels, demosaicing, sums of 2 x 2 pixels and linear interpolation average over raw pixels.
     The size of a raw pixel in rectified ones changes over the image where cameras converge. Two
-    nodes match only as well as their point spreads. See `half_grid_index` for the arguments.
+    nodes match only as well as their point spreads. See `half_grid_index` for the arguments;
+    tuning: ViewTuning.
 
     Returns
     -------
