@@ -10,7 +10,8 @@ import sys
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.files.atomic import write_image
 from color_stereo_ros.parameters.files import settings_text
-from color_stereo_ros.recordings.recording import Recording, write_recording
+from color_stereo_ros.recordings.reading import Recording
+from color_stereo_ros.recordings.writing import write_recording
 
 import numpy as np
 

@@ -1,51 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`color_stereo replay`: publish a recording on real topics, where rosbag2 is not installed."""
+"""Publish a recording with the timing of its making."""
 
-import importlib
 import time
 
-SUMMARY = 'publish a recording on real topics'
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+
+from ..errors import RecordingError
+from .filling import message_class
 
 SECOND = 1_000_000_000
 SETTLING = 0.5  # s from the first sign of a subscriber until both sides know all its topics
 LARGEST_STEP = 0.05  # s: how long a signal or a late subscriber may wait to be noticed
-
-
-def add_arguments(parser):
-    """Declare the arguments."""
-    parser.add_argument('recording', help='rosbag2 folder, or a single .mcap or .db3 file')
-    parser.add_argument('--rate', type=float, default=1.0, metavar='FACTOR',
-                        help='speed, 1 = as recorded (default)')
-    parser.add_argument('--loop', action='store_true', help='start again at the end')
-    parser.add_argument('--stamps', choices=('original', 'now'), default='original',
-                        help='stamps of the messages: as recorded (default), or shifted to the '
-                             'time of replay')
-    parser.add_argument('--namespace', default='', metavar='NAME',
-                        help='put a namespace before every topic')
-    parser.add_argument('--topics', nargs='+', metavar='TOPIC', help='only these topics')
-    parser.add_argument('--wait', type=float, default=5.0, metavar='S',
-                        help='wait so long for a subscriber before the first message (default 5)')
-
-
-def run(args):
-    """Publish until the end, or until SIGINT or SIGTERM; both are a good end."""
-    from ..errors import SettingsError
-    from ..nodes.live import ros_node
-    from ..recordings.recording import Recording
-    if not args.rate > 0:
-        raise SettingsError(f'--rate = {args.rate} is not larger than 0')
-    with Recording(args.recording) as recording, ros_node('color_stereo_replay') as node:
-        player = Player(node, recording, args.topics, args.namespace, args.stamps == 'now')
-        player.wait_for_subscriber(args.wait)
-        print(f'{args.recording}: {sum(recording.counts.values())} messages, '
-              f'{recording.duration:.1f} s, on {", ".join(sorted(player.publishers))}', flush=True)
-        try:
-            player.play(args.rate)
-            while args.loop:
-                player.play(args.rate)
-            player.finish()
-        except KeyboardInterrupt:
-            print('stopped')
 
 
 class Player:
@@ -75,7 +42,7 @@ class Player:
         self.topics = self._chosen(topics)
         self._node = node
         self._restamp = restamp
-        self._types = {topic: message_class(recording.topics[topic]) for topic in self.topics}
+        self._types = {topic: _installed(recording.topics[topic]) for topic in self.topics}
         prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
         self.publishers = {
             topic: node.create_publisher(self._types[topic], prefix + topic,
@@ -83,7 +50,6 @@ class Player:
             for topic in self.topics}
 
     def _chosen(self, topics):
-        from ..errors import RecordingError
         missing = [topic for topic in topics or () if topic not in self.recording.topics]
         if missing:
             raise RecordingError(f'{self.recording.path}: no topic {missing[0]}; it holds '
@@ -124,7 +90,6 @@ class Player:
         if not self._restamp:
             publisher.publish(message.data)
             return
-        from rclpy.serialization import deserialize_message
         content = deserialize_message(message.data, self._types[message.topic])
         if hasattr(content, 'header'):
             stamp = content.header.stamp
@@ -134,37 +99,20 @@ class Player:
 
     def finish(self):
         """Wait until reliable subscribers have everything, at most 2 s."""
-        from rclpy.duration import Duration
         for publisher in self.publishers.values():
             publisher.wait_for_all_acked(Duration(seconds=2))
 
 
-def message_class(type_name):
-    """
-    Return the class of a message type.
-
-    Parameters
-    ----------
-    type_name : str
-        For example sensor_msgs/msg/Image.
-
-    Raises
-    ------
-    RecordingError
-        If its package is not installed.
-
-    """
-    from ..errors import RecordingError
-    package, _, name = type_name.partition('/msg/')
+def _installed(type_name):
+    """Return the class of a message type, or raise RecordingError."""
     try:
-        return getattr(importlib.import_module(f'{package}.msg'), name)
+        return message_class(type_name)
     except (ImportError, AttributeError) as error:
         raise RecordingError(f'message type {type_name} is not installed; choose other topics '
                              'with --topics') from error
 
 
 def _profile(latched):
-    from rclpy.qos import DurabilityPolicy, QoSProfile
     durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=10, durability=durability)
 

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`color_stereo replay`: publish a recording on real topics, where rosbag2 is not installed."""
+
+SUMMARY = 'publish a recording on real topics'
+
+
+def add_arguments(parser):
+    """Declare the arguments."""
+    parser.add_argument('recording', help='rosbag2 folder, or a single .mcap or .db3 file')
+    parser.add_argument('--rate', type=float, default=1.0, metavar='FACTOR',
+                        help='speed, 1 = as recorded (default)')
+    parser.add_argument('--loop', action='store_true', help='start again at the end')
+    parser.add_argument('--stamps', choices=('original', 'now'), default='original',
+                        help='stamps of the messages: as recorded (default), or shifted to the '
+                             'time of replay')
+    parser.add_argument('--namespace', default='', metavar='NAME',
+                        help='put a namespace before every topic')
+    parser.add_argument('--topics', nargs='+', metavar='TOPIC', help='only these topics')
+    parser.add_argument('--wait', type=float, default=5.0, metavar='S',
+                        help='wait so long for a subscriber before the first message (default 5)')
+
+
+def run(args):
+    """Publish until the end, or until SIGINT or SIGTERM; both are a good end."""
+    from ..errors import SettingsError
+    from ..nodes.live import ros_node
+    from ..recordings.reading import Recording
+    if not args.rate > 0:
+        raise SettingsError(f'--rate = {args.rate} is not larger than 0')
+    with Recording(args.recording) as recording, ros_node('color_stereo_replay') as node:
+        from ..nodes.replay import Player
+        player = Player(node, recording, args.topics, args.namespace, args.stamps == 'now')
+        player.wait_for_subscriber(args.wait)
+        print(f'{args.recording}: {sum(recording.counts.values())} messages, '
+              f'{recording.duration:.1f} s, on {", ".join(sorted(player.publishers))}', flush=True)
+        try:
+            player.play(args.rate)
+            while args.loop:
+                player.play(args.rate)
+            player.finish()
+        except KeyboardInterrupt:
+            print('stopped')
