@@ -205,4 +205,4 @@ def camera_info(camera, header):
 
     """
     return CameraInfo(header, camera.height, camera.width, camera.distortion_model,
-                      *(np.array(getattr(camera, name), np.float64).ravel() for name in 'DKRP'))
+                      *(getattr(camera, name).ravel() for name in 'DKRP'))

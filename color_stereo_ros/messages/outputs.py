@@ -35,6 +35,10 @@ class Context:
     memory: object = new_memory
     """Called with a size, returns that many bytes for `data`; they may hold an older message."""
 
+    def with_memory(self, memory):
+        """Return the same context with another memory."""
+        return Context(self.header, self.settings, self.rotation, memory)
+
 
 @dataclass(frozen=True, eq=False)
 class Output:

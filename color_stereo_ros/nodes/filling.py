@@ -2,7 +2,7 @@
 """Messages of rclpy from contents; their byte arrays are used again."""
 
 from array import array
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from functools import lru_cache
 import importlib
 
@@ -56,21 +56,23 @@ def fill(message, content):
         The one that was given.
 
     """
-    for spec in fields(content):
-        _set(message, spec.name, getattr(content, spec.name))
+    for name in _names(type(content)):
+        value = getattr(content, name)
+        if isinstance(value, (int, float, str)):
+            setattr(message, name, value)
+        elif isinstance(value, tuple):
+            _fill_list(message, name, value)
+        elif hasattr(value, 'TYPE'):
+            fill(getattr(message, name), value)
+        else:
+            _copy(message, name, value)
     return message
 
 
-def _set(message, name, value):
-    """Set one field of a message."""
-    if is_dataclass(value):
-        fill(getattr(message, name), value)
-    elif isinstance(value, (np.ndarray, array, memoryview)):
-        _copy(message, name, np.asarray(value))
-    elif isinstance(value, tuple):
-        _fill_list(message, name, value)
-    else:
-        setattr(message, name, value)
+@lru_cache(maxsize=None)
+def _names(content_type):
+    """Return the names of the fields of a class of contents."""
+    return tuple(spec.name for spec in fields(content_type))
 
 
 def _fill_list(message, name, contents):
@@ -86,13 +88,13 @@ def _fill_list(message, name, contents):
 def _copy(message, name, values):
     """Copy numbers into the array of a message, which is replaced if its length differs."""
     own = getattr(message, name)
-    if isinstance(own, array) and len(own) != values.size:
+    if values is own:
+        return
+    if len(own) != len(values):
         # array.array is the one type that rclpy assigns fast with and without its field checks
-        setattr(message, name, array(own.typecode, bytes(own.itemsize * values.size)))
+        setattr(message, name, array(own.typecode, bytes(own.itemsize * len(values))))
         own = getattr(message, name)
-    target = np.asarray(own)
-    if target.ctypes.data != values.ctypes.data:
-        np.copyto(target, values)
+    np.copyto(np.asarray(own), values)
 
 
 class Reused:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The publishers of range_node: an output is computed when somebody listens, the points first."""
 
-from dataclasses import replace
-
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -81,8 +79,7 @@ class Outputs:
         """
         for topic in topics:
             reused = self._reused[topic]
-            content = self._outputs[topic].content(
-                result, replace(context, memory=reused.memory))
+            content = self._outputs[topic].content(result, context.with_memory(reused.memory))
             self._publishers[topic].publish(reused.filled(content))
 
     def destroy(self):
