@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The input topics of range_node: what arrives, is refused, or is paired."""
 
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -112,6 +114,12 @@ class StereoInputs:
         """The latest image had a stamp of zero."""
         self.subscriptions = [self._subscribe(parameters, side, kind)
                               for side in SIDES for kind in (Image, CameraInfo)]
+        self._jumps = node.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
+                          on_clock_change=False), post_callback=self._jump_back)
+
+    def _jump_back(self, _):
+        self.synchronizer.jump_back(self._node.get_clock().now().nanoseconds)
 
     def _subscribe(self, parameters, side, kind):
         topic = f'{side}/{"image_raw" if kind is Image else "camera_info"}'
@@ -165,6 +173,7 @@ class StereoInputs:
 
     def destroy(self):
         """Unsubscribe from everything."""
+        self._jumps.unregister()
         for subscription in self.subscriptions:
             subscription.destroy()
 
