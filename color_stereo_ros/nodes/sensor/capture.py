@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from ...errors import RecordingError
 from ...files.cloud import save_cloud
-from ...messages.images import stamp_ns
+from ...messages.reading import stamp_ns
 
 _COMPARABLE = 60_000_000_000  # ns; stamps farther from now are of another clock
 _POLL = 0.05

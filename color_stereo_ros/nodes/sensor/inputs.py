@@ -4,12 +4,13 @@
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import deserialize_message
 
 from sensor_msgs.msg import CameraInfo, Image
 
 from ...errors import ImageError
 from ...messages.calibration_watch import CalibrationWatch
-from ...messages.images import check_image, read_image, stamp_ns
+from ...messages.reading import check_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
 from ..complaints import Complaints
 from ..qos import incompatible_policy
@@ -86,7 +87,7 @@ class StereoInputs:
     node : rclpy.node.Node
     parameters : NodeParameters
     on_pair : callable
-        Called with a `Pair` of `RawImage`.
+        Called with a `Pair` of `messages.contents.Image`.
     on_calibration : callable
         Called when `calibration` has changed for better or worse.
 
@@ -120,7 +121,7 @@ class StereoInputs:
 
     def _take_image(self, side, data):
         try:
-            msg = read_image(data)
+            msg = read_image(data, otherwise=_deserialized_image)
             check_image(msg)
         except ImageError as error:
             self.refused[side] += 1
@@ -166,3 +167,8 @@ class StereoInputs:
         """Unsubscribe from everything."""
         for subscription in self.subscriptions:
             subscription.destroy()
+
+
+def _deserialized_image(data):
+    """Return the Image in bytes of a middleware whose format only rclpy knows."""
+    return deserialize_message(data, Image)

@@ -10,6 +10,8 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Header, String
 
 from ...core.triangulation import disparity_limits
+from ...messages.outputs import Context
+from ..filling import message_of
 from ..pattern_source import latched
 from .capture import CaptureServices
 from .diagnostics import diagnostic_array
@@ -112,7 +114,7 @@ class RangeSensor:
         for request in requested:
             request.acquired = pair
         if requested:
-            self._acquired.publish(pair.left.header)
+            self._acquired.publish(message_of(pair.left.header))
         streaming = self.settings.input.mode == 'stream' and self.outputs.wanted()
         if requested or streaming:
             self.worker.submit(pair)
@@ -122,13 +124,12 @@ class RangeSensor:
     def _publish(self, result, pair, setup):
         """Publish a result, the points first; runs in the worker's thread."""
         topics = self.outputs.wanted()
-        rotation = setup.calibration.left.R.T
-        first, others = topics[:1], topics[1:]
-        self.outputs.publish(first, result, pair.left.header, setup.settings, rotation)
+        context = Context(pair.left.header, setup.settings, setup.calibration.left.R.T)
+        self.outputs.publish(topics[:1], result, context)
         self.worker.note_published(pair)
-        self.outputs.publish(others, result, pair.left.header, setup.settings, rotation)
+        self.outputs.publish(topics[1:], result, context)
         for request in self._requests_for(pair):
-            request.finish(result=result, header=pair.left.header, rotation=rotation)
+            request.finish(result=result, header=context.header, rotation=context.rotation)
 
     def _fail(self, pair, text):
         for request in self._requests_for(pair):
