@@ -37,7 +37,8 @@ class Metadata(Mapping):
         return len(self._values)
 
 
-def setting(default, description, *, unit='', minimum=None, maximum=None, choices=None):
+def setting(default, description, *, unit='', minimum=None, maximum=None, choices=None, off=None,
+            method=None):
     """
     Return a dataclass field that knows its description, unit and legal values.
 
@@ -52,6 +53,10 @@ def setting(default, description, *, unit='', minimum=None, maximum=None, choice
         Of a number; both belong to the range.
     choices : sequence of str or Registry
         Of a text; the names of a registry are those of the moment.
+    off : bool, int or float
+        The value that switches a stage off; None: the setting is no switch.
+    method : str
+        The matching method that the stage belongs to; None: to all.
 
     Returns
     -------
@@ -59,7 +64,8 @@ def setting(default, description, *, unit='', minimum=None, maximum=None, choice
 
     """
     return field(default=default, metadata=Metadata(
-        description=description, unit=unit, minimum=minimum, maximum=maximum, choices=choices))
+        description=description, unit=unit, minimum=minimum, maximum=maximum, choices=choices,
+        off=off, method=method))
 
 
 class Group:

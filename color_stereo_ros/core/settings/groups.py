@@ -58,7 +58,8 @@ class ColorSettings(Group):
         unit='DN', minimum=0.0, maximum=255.0)
     equalize: bool = setting(
         True, 'equalize the channels of the cameras before anything else; the surface method '
-        'removes half of the difference, since more would amplify the noise of a weak channel')
+        'removes half of the difference, since more would amplify the noise of a weak channel',
+        off=False)
     equalize_cameras: str = setting(
         'automatic', lambda: 'separate: each camera has gains of its own; shared: two '
         'cameras of one type, the same gains for both (most precise); automatic: shared unless '
@@ -67,12 +68,13 @@ class ColorSettings(Group):
         choices=('automatic', 'shared', 'separate'))
     zero_weakest: bool = setting(
         True, 'paper method: set the weakest component to zero (right for sweep, bright_sweep '
-        'and hue_field, where one component is always zero)')
+        'and hue_field, where one component is always zero)', off=False, method='paper')
     scale: bool = setting(
-        True, 'paper method: scale each color so that its components sum to 255')
+        True, 'paper method: scale each color so that its components sum to 255', off=False,
+        method='paper')
     smoothing: float = setting(
         1.0, 'paper method: standard deviation of the Gaussian smoothing of the corrected '
-        'colors, 0 = none', unit='px', minimum=0.0, maximum=16.0)
+        'colors, 0 = none', unit='px', minimum=0.0, maximum=16.0, off=0.0, method='paper')
 
 
 @dataclass(frozen=True)
@@ -88,23 +90,29 @@ class MatchingSettings(Group):
         'fewer and better ranges', minimum=0.0, maximum=1.0)
     smoothness: float = setting(
         1.0, 'surface method: how much the coarse search dislikes steps of the disparity, as a '
-        'factor of what suits the pattern; 0 = each node for itself', minimum=0.0, maximum=10.0)
+        'factor of what suits the pattern; 0 = each node for itself', minimum=0.0, maximum=10.0,
+        off=0.0, method='surface')
     texture: float = setting(
         1.0, 'surface method: how much the brightness of the surface counts beside its color in '
         'the coarse search, as a factor of what suits the pattern', minimum=0.0, maximum=10.0)
     refinements: int = setting(
         2, 'surface method: rounds of least squares; 0 = coarse disparities only',
-        minimum=0, maximum=10)
+        minimum=0, maximum=10, off=0, method='surface')
     slanted: bool = setting(
-        True, 'surface method: let the least-squares window lean with the surface')
+        True, 'surface method: let the least-squares window lean with the surface',
+        off=False, method='surface')
     foreshortening: bool = setting(
-        True, 'surface method: blur the left view of a leaning surface as the right one is')
+        True, 'surface method: blur the left view of a leaning surface as the right one is',
+        off=False, method='surface')
     propagation: bool = setting(
-        True, 'surface method: let nodes near depth edges try the planes of their neighbors')
+        True, 'surface method: let nodes near depth edges try the planes of their neighbors',
+        off=False, method='surface')
     color_matching: bool = setting(
-        True, 'surface method: measure the color difference of the cameras from each pair')
+        True, 'surface method: measure the color difference of the cameras from each pair',
+        off=False, method='surface')
     occlusion_test: bool = setting(
-        True, 'surface method: distrust places of the right image that two surfaces claim')
+        True, 'surface method: distrust places of the right image that two surfaces claim',
+        off=False, method='surface')
     min_segment: int = setting(
         120, 'surface method: smallest area of connected ranges; smaller islands are dropped, '
         'dark ones earlier', unit='px', minimum=0, maximum=1000000)
@@ -120,7 +128,8 @@ class MatchingSettings(Group):
         'share; 0 accepts all', minimum=0.0, maximum=10.0)
     left_right_tolerance: float = setting(
         1.0, 'paper method: largest difference between the matches left to right and right to '
-        'left; 0 switches the test off', unit='px', minimum=0.0, maximum=64.0)
+        'left; 0 switches the test off', unit='px', minimum=0.0, maximum=64.0, off=0.0,
+        method='paper')
     local_limit: float = setting(
         0.0, 'paper method: local disparity limit: a second search stays this close to the '
         'median disparity of the surroundings; 0 = global limits only',
