@@ -315,6 +315,14 @@ class Rig:
 
         return self.spin_until(latest, f'diagnostics: {what}')
 
+    def feed(self, condition, what):
+        """Send pairs until the diagnostics fulfil a condition; return what `diagnose` does."""
+        timer = self.node.create_timer(0.1, self.send_pair)
+        try:
+            return self.diagnose(condition, what)
+        finally:
+            self.node.destroy_timer(timer)
+
     def close(self):
         """Leave ROS."""
         self.executor.shutdown()

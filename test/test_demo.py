@@ -154,7 +154,7 @@ import sys
 class Refusal:
     def find_spec(self, name, path=None, target=None):
         package = name.partition('.')[0]
-        if package.startswith(('rcl', 'rosidl', 'builtin_interfaces')) or package.endswith('_msgs'):
+        if package.startswith(('rcl', 'rosidl', 'builtin_')) or package.endswith('_msgs'):
             raise ModuleNotFoundError(f'{name} is refused', name=package)
 
 sys.meta_path.insert(0, Refusal())

@@ -15,7 +15,6 @@ from ..core.settings import described, flat, suggestion, updated
 from ..errors import ColorStereoError
 from ..parameters.groups import RangeNodeSettings
 
-
 _INHERENT = ('use_sim_time', 'start_type_description_service')
 
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The input topics of range_node: what arrives, is refused, or is paired."""
 
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
 from rclpy.serialization import deserialize_message
 
 from sensor_msgs.msg import CameraInfo, Image
@@ -13,69 +12,7 @@ from ...messages.calibration_watch import CalibrationWatch
 from ...messages.reading import check_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
 from ..complaints import Complaints
-from ..qos import incompatible_policy
-
-_DEPTH = 10
-
-
-class FollowingSubscription:
-    """
-    A subscription that is as reliable as the publishers offer to be.
-
-    It is reliable until a best-effort publisher shows up. A `qos_overrides` parameter for its
-    reliability pins it.
-
-    """
-
-    def __init__(self, node, kind, topic, callback, parameters):
-        self._node, self._kind, self._topic, self._callback = node, kind, topic, callback
-        self.name = node.resolve_topic_name(topic)
-        self.mismatch = None
-        """The QoS policy that keeps a publisher away, or None."""
-        policies = [QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH]
-        self._pinned = parameters.is_given(
-            f'qos_overrides.{self.name}.subscription.reliability')
-        if self._pinned:
-            policies.append(QoSPolicyKind.RELIABILITY)
-        self._profile = QoSProfile(depth=_DEPTH)
-        self._subscription = self._create(QoSOverridingOptions(policies))
-
-    def _create(self, options=None):
-        # images are read from their bytes: rclpy's conversion holds the interpreter for 1 ms each
-        return self._node.create_subscription(
-            self._kind, self._topic, self._callback, self._profile, raw=self._kind is Image,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            qos_overriding_options=options)
-
-    @property
-    def reliability(self):
-        """Return 'reliable' or 'best_effort'."""
-        return self._profile.reliability.name.lower()
-
-    @property
-    def publishers(self):
-        """Return how many publishers there are."""
-        return self._node.count_publishers(self.name)
-
-    def follow(self):
-        """Become what the publishers offer; call it from the executor's thread now and then."""
-        profiles = [info.qos_profile
-                    for info in self._node.get_publishers_info_by_topic(self.name)]
-        offered = {profile.reliability for profile in profiles}
-        best_effort = QoSReliabilityPolicy.BEST_EFFORT
-        wanted = best_effort if best_effort in offered else QoSReliabilityPolicy.RELIABLE
-        if offered and not self._pinned and wanted != self._profile.reliability:
-            self._profile.reliability = wanted
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = self._create()
-            self._node.get_logger().info(f'{self.name}: subscribed {self.reliability} as the '
-                                         'publishers offer')
-        policies = (incompatible_policy(profile, self._profile) for profile in profiles)
-        self.mismatch = next(filter(None, policies), None)
-
-    def destroy(self):
-        """Unsubscribe."""
-        self._node.destroy_subscription(self._subscription)
+from ..following import FollowingSubscription
 
 
 class StereoInputs:
@@ -112,12 +49,19 @@ class StereoInputs:
         """The latest image had a stamp of zero."""
         self.subscriptions = [self._subscribe(parameters, side, kind)
                               for side in SIDES for kind in (Image, CameraInfo)]
+        self._jumps = node.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
+                          on_clock_change=False), post_callback=self._jump_back)
+
+    def _jump_back(self, _):
+        self.synchronizer.jump_back(self._node.get_clock().now().nanoseconds)
 
     def _subscribe(self, parameters, side, kind):
         topic = f'{side}/{"image_raw" if kind is Image else "camera_info"}'
         take = self._take_image if kind is Image else self.calibration.add
+        # images are read from their bytes: rclpy's conversion holds the interpreter for 1 ms each
         return FollowingSubscription(self._node, kind, topic, lambda msg: take(side, msg),
-                                     parameters)
+                                     parameters, raw=kind is Image)
 
     def _take_image(self, side, data):
         try:
@@ -165,6 +109,7 @@ class StereoInputs:
 
     def destroy(self):
         """Unsubscribe from everything."""
+        self._jumps.unregister()
         for subscription in self.subscriptions:
             subscription.destroy()
 

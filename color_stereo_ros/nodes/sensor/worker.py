@@ -237,4 +237,3 @@ def _image(side, message):
         return image_to_rgb(message)
     except ColorStereoError as error:
         raise type(error)(f'{side} image: {error}') from error
-
