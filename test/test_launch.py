@@ -6,7 +6,7 @@ from pathlib import Path
 import re
 import xml.etree.ElementTree as ElementTree
 
-from color_stereo_ros.core.settings.groups import flat
+from color_stereo_ros.core.settings import flat
 from color_stereo_ros.messages.outputs import OUTPUTS
 from color_stereo_ros.parameters.groups import RangeNodeSettings, SimRigSettings
 

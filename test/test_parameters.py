@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from color_stereo_ros.core.settings.groups import described, flat
+from color_stereo_ros.core.settings import described, flat
 from color_stereo_ros.nodes.parameters import NodeParameters
 from color_stereo_ros.parameters.files import parameter_file
 from color_stereo_ros.parameters.groups import PatternNodeSettings, RangeNodeSettings

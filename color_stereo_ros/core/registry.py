@@ -70,8 +70,9 @@ class Registry:
         if entry is None:
             return lambda decorated: self.register(name, decorated)
         if not isinstance(name, str) or not NAME.fullmatch(name):
-            raise ColorStereoError(f'{self.what} {name!r} is no name, expected lower-case letters, '
-                                   "digits, '_' and '/', such as 'hue_field' or 'depth/image'")
+            raise ColorStereoError(f'{self.what} {name!r} is no name, expected lower-case '
+                                   "letters, digits, '_' and '/', such as 'hue_field' and "
+                                   "'depth/image'")
         if name in self._entries:
             raise ColorStereoError(f'{self.what} {name!r} is registered already')
         if not isinstance(entry, self.kind):

@@ -11,7 +11,7 @@ from rcl_interfaces.msg import (FloatingPointRange, IntegerRange, ParameterDescr
                                 SetParametersResult)
 from rclpy.parameter import Parameter
 
-from ..core.settings.groups import described, flat, suggestion, updated
+from ..core.settings import described, flat, suggestion, updated
 from ..errors import ColorStereoError
 from ..parameters.groups import RangeNodeSettings
 

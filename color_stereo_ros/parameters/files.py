@@ -6,7 +6,7 @@ import sys
 
 import yaml
 
-from ..core.settings.groups import checked_value, described, flat, Settings, suggestion
+from ..core.settings import checked_value, described, flat, Settings, suggestion
 from ..errors import SettingsError
 from ..files.yaml import load_yaml, UnreadableError
 from .groups import PatternNodeSettings, RangeNodeSettings

@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 
-from ..core.settings.groups import Group, PatternSettings, setting, Settings
+from ..core.settings import Group, PatternSettings, setting, Settings
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from std_msgs.msg import String
 
 from ...core.patterns.making import make_pattern
+from ...core.patterns.registry import makable
 from ...errors import ColorStereoError
 from ..pattern_source import fingerprint, latched
 
@@ -60,7 +61,7 @@ class PatternWatch:
                 self._compare()
 
     def _compare(self):
-        if self._settings.type == 'unknown':
+        if self._settings.type not in makable():
             self.mismatch = None
             return
         own, shown = asdict(self._settings), self._shown['pattern']
