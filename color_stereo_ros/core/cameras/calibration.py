@@ -6,20 +6,14 @@ from functools import cached_property
 import os
 from pathlib import Path
 
-import cv2
 import numpy as np
 import yaml
 
 from ...errors import CalibrationError
 from ...files.yaml import load_yaml, UnreadableError
 from .geometry import RectifiedGeometry
+from .lenses import LENSES
 
-# Number of distortion coefficients that each model may have; none means no distortion.
-DISTORTION_LENGTHS = {
-    'plumb_bob': (0, 4, 5),
-    'rational_polynomial': (0, 8, 12, 14),
-    'equidistant': (0, 4),
-}
 ROTATION_TOLERANCE = 1e-3    # largest deviation of R R^T from the identity
 PROJECTION_TOLERANCE = 0.01  # px, between the entries of P that both cameras share
 # Of a camera_info file, in the order of the fields of CameraModel.
@@ -48,7 +42,7 @@ class CameraModel:
     height: int
     """Rows of the raw image, px."""
     distortion_model: str
-    """plumb_bob, rational_polynomial or equidistant."""
+    """A name in `lenses.LENSES`: plumb_bob, rational_polynomial or equidistant."""
     D: np.ndarray
     """float64 (n,), distortion coefficients in OpenCV's order; empty = no distortion."""
     K: np.ndarray
@@ -97,10 +91,10 @@ def _check_size(camera):
 
 def _check_distortion(camera):
     model = camera.distortion_model
-    if model not in DISTORTION_LENGTHS:
+    if model not in LENSES:
         raise CalibrationError(f'{camera.name} distortion_model = {model!r} is unknown, expected '
-                               f'one of {", ".join(DISTORTION_LENGTHS)}')
-    lengths = DISTORTION_LENGTHS[model]
+                               f'one of {", ".join(LENSES)}')
+    lengths = LENSES[model].lengths
     if camera.D.size not in lengths:
         raise CalibrationError(
             f'{camera.name} D has {camera.D.size} values, expected '
@@ -267,7 +261,7 @@ class StereoCalibration:
                            np.eye(3, 4))
                for name, D, K in zip(('left', 'right'), distortion, (K_left, K_right))]
         rotation, translation = _checked_motion(R, t)
-        rectified = _rectifying_projections(*raw, rotation, translation)
+        rectified = LENSES[distortion_model].rectified_views(*raw, rotation, translation)
         return cls(*(CameraModel(camera.name, camera.width, camera.height, distortion_model,
                                  camera.D, camera.K, R_rect, P)
                      for camera, (R_rect, P) in zip(raw, rectified)))
@@ -357,20 +351,6 @@ def _checked_motion(R, t):
             f't = {translation.tolist()} m puts the right camera at {center.tolist()} m of the '
             'left one, expected to its right (x > 0): are left and right camera swapped?')
     return rotation, translation.reshape(3, 1)  # OpenCV 5 refuses a flat translation
-
-
-def _rectifying_projections(left, right, rotation, translation):
-    """Return (R, P) of both cameras."""
-    size = (left.width, left.height)
-    pinhole = left.distortion_model != 'equidistant'
-    rectify = cv2.stereoRectify if pinhole else cv2.fisheye.stereoRectify
-    fit = {'alpha': 0.0} if pinhole else {'balance': 0.0}
-    coefficients = [np.zeros(4) if camera.D.size == 0 else camera.D.copy()
-                    for camera in (left, right)]
-    R_left, R_right, P_left, P_right = rectify(
-        left.K.copy(), coefficients[0], right.K.copy(), coefficients[1], size, rotation,
-        translation, flags=0, **fit)[:4]
-    return (R_left, P_left), (R_right, P_right)
 
 
 def _camera_from_info(name, info):

@@ -6,14 +6,33 @@ import math
 import cv2
 import numpy as np
 
-from ..results import Match
-from ..triangulation import search_interval
+from ..results import Match, Measurement
+from ..triangulation import depth_from_disparity, search_interval
 from . import kernels
 from .color import ColorCorrection
 from .tuning import TUNING
 
 SUBPIXEL_CODES = {'none': 0, 'parabola': 1, 'weighted': 2}
 TILE = TUNING.search.tile
+
+
+class PaperMethod:
+    """The paper's steps: rectify, correct and search, triangulate."""
+
+    def __init__(self, settings, calibration, limits, rectifier):
+        """Allocate the search."""
+        self._rectifier = rectifier
+        self._matcher = PaperMatcher(settings, calibration.geometry, limits)
+
+    def measure(self, left, right, clock):
+        """Measure one pair; see `Method.make`."""
+        pair = self._rectifier.rectify(left, right)
+        clock.lap('rectify')
+        match = self._matcher.match(pair)
+        clock.lap('match')
+        depth = depth_from_disparity(match.disparity, pair.geometry)
+        clock.lap('triangulate')
+        return Measurement(**vars(match), depth=depth)
 
 
 class PaperMatcher:

@@ -4,8 +4,8 @@
 from dataclasses import dataclass
 import math
 
-APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
-CYCLIC = 'sweep', 'bright_sweep', 'sine'
+from .pattern import Repeats
+from .registry import is_aperiodic, repetition
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ class Expectation:
         expectation : Expectation
 
         """
-        if pattern.type in APERIODIC:
+        if is_aperiodic(pattern):
             return cls(aperiodic=True, cycles=1)
-        return cls(aperiodic=False, cycles=pattern.cycles if pattern.type in CYCLIC else math.inf)
+        known = repetition(pattern) is Repeats.CYCLES
+        return cls(aperiodic=False, cycles=pattern.cycles if known else math.inf)
