@@ -29,7 +29,7 @@ FORMULAS = {
     'reduce_colors',      # 16 levels of trust, which `cost_line` shifts away
     'foreshortening',     # 1 / 8 from its derivation
     'best_shifted_mean',  # a mean of nine
-    'judge',              # a mean of nine
+    'weigh_evidence',              # a mean of nine
     'linearize',          # cubic Lagrange interpolation
     'logistic',           # the series of the exponential function, and its range
     'join_nodes',         # bits of a link
