@@ -14,7 +14,8 @@ from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import (
     CalibrationError, ImageError, make_pattern, RecordingError, Settings, SettingsError)
 from color_stereo_ros.core.settings.groups import flat
-from color_stereo_ros.files.atomic import write_image, write_text, written_whole
+from color_stereo_ros.files.atomic import write_text, written_whole
+from color_stereo_ros.files.image import write_image
 from color_stereo_ros.parameters.files import read_settings, settings_text
 
 
@@ -56,7 +57,7 @@ def test_the_usage_stays_short_and_the_settings_are_listed_below_it(name, capsys
 
 
 def test_help_imports_neither_numpy_nor_ros_nor_a_simulator():
-    code = ('import sys\nfrom color_stereo_ros.tools import cli\n'
+    code = ('import sys\nfrom color_stereo_ros.cli import main as cli\n'
             'try:\n    cli.main(["--help"])\nexcept SystemExit:\n    pass\n'
             'heavy = {"numpy", "numba", "cv2", "rclpy", "mitsuba", "matplotlib"}\n'
             'sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)')

@@ -10,7 +10,7 @@ import pytest
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import RecordingError, StereoCalibration
 from color_stereo_ros.core.cameras.calibration import CameraModel
-from color_stereo_ros.files.atomic import write_image
+from color_stereo_ros.files.image import write_image
 from color_stereo_ros.messages.images import image_to_rgb, stamp_ns
 from color_stereo_ros.recordings.recording import CAMERA_INFO, IMAGE, Recording, write_recording
 

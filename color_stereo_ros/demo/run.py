@@ -15,8 +15,9 @@ from ..cli import sample
 from ..core import RangeResult, RecordingError, Settings, StereoCalibration
 from ..core.triangulation import disparity_from_depth, disparity_limits
 from ..evaluation.datasets import load_truth
-from ..files.atomic import write_bytes, write_image, write_text
+from ..files.atomic import write_bytes, write_text
 from ..files.cloud import save_cloud
+from ..files.image import write_image
 from ..messages.images import image_to_rgb, millimeters
 from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
 from ..parameters.files import read_settings
