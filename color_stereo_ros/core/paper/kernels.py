@@ -16,16 +16,8 @@ import math
 from numba import get_num_threads, njit, prange
 import numpy as np
 
-from ..status import Status
-
-VALID = int(Status.VALID)
-OUTSIDE_IMAGE = int(Status.OUTSIDE_IMAGE)
-DARK = int(Status.DARK)
-SATURATED = int(Status.SATURATED)
-NO_MATCH = int(Status.NO_MATCH)
-AMBIGUOUS = int(Status.AMBIGUOUS)
-INCONSISTENT = int(Status.INCONSISTENT)
-OUT_OF_RANGE = int(Status.OUT_OF_RANGE)
+from ..status_codes import (
+    AMBIGUOUS, DARK, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED, VALID)
 
 COST_UNIT = 2.0      # stored cost per DN^2
 COST_CAP = 16000     # stored cost of colors 89 DN apart and more: bounds what an outlier counts

@@ -8,7 +8,9 @@ import numpy as np
 from ..compiled.bands import band, banded, BANDS, serial
 from ..compiled.parts import part
 from ..compiled.stack import LENGTH, stack_row
-from ..status import Status
+from ..status_codes import (
+    AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED,
+    VALID)
 from .grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
 
 CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
@@ -20,15 +22,6 @@ LEAST_ODDS, MOST_ODDS = F4(-6), F4(14)  # of a node, where they are interpolated
 UNKNOWN = F4(-100)  # log-odds of a node without disparity
 PITCH_DARK = F4(1)  # DN of summed channels: darker nodes get no range from their neighbors
 MURK = F4(3)      # DN of summed channels: below, brightness is mostly noise and scattered light
-VALID = np.uint8(Status.VALID)
-OUTSIDE_IMAGE = np.uint8(Status.OUTSIDE_IMAGE)
-DARK = np.uint8(Status.DARK)
-SATURATED = np.uint8(Status.SATURATED)
-NO_MATCH = np.uint8(Status.NO_MATCH)
-AMBIGUOUS = np.uint8(Status.AMBIGUOUS)
-INCONSISTENT = np.uint8(Status.INCONSISTENT)
-OUT_OF_RANGE = np.uint8(Status.OUT_OF_RANGE)
-IMPLAUSIBLE = np.uint8(Status.IMPLAUSIBLE)
 
 
 @serial(fastmath=FAST)
