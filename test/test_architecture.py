@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parents[1] / 'color_stereo_ros'
 SOURCES = {path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding='utf-8'))
            for path in sorted(PACKAGE.rglob('*.py'))}
 
-# Each room: the rooms that its modules import from, besides their own. Rooms above see rooms below.
+# Each room: the rooms that its modules import from, besides their own.
 DOORS = {
     'errors': '',
     'patience': '',
