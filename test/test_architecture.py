@@ -6,8 +6,6 @@ from pathlib import Path
 import re
 import sys
 
-import pytest
-
 PACKAGE = Path(__file__).parents[1] / 'color_stereo_ros'
 SOURCES = {path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding='utf-8'))
            for path in sorted(PACKAGE.rglob('*.py'))}
@@ -65,6 +63,8 @@ PUBLIC_NUMBA = {'njit', 'prange', 'get_num_threads', 'set_num_threads', 'threadi
 # Of this package, kernels import these modules.
 KERNELS_MAY_IMPORT = re.compile(r'core\.compiled(\.\w+)?$|(.*\.)?(status|status_codes|tuning)$'
                                 r'|.*kernels$')
+NAN_SAFE = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}
+LATE = {'mitsuba', 'rosbags', 'scipy'}
 KERNELS = [name for name in SOURCES if name.endswith('kernels.py')]
 COMPILED = [name for name in SOURCES if name.startswith('core/compiled/')]
 ENCODING = re.compile(r'(rgb8|bgr8|rgba8|bgra8|mono8|mono16|32FC1|16UC1|bayer_.*)$')
@@ -152,6 +152,12 @@ def texts(name):
             if isinstance(node, ast.Constant) and isinstance(node.value, str)}
 
 
+def breaches(names, found_in):
+    """Return what a rule finds in some modules, by their names; {} = it is kept."""
+    found = {name: found_in(name) for name in sorted(names)}
+    return {name: sorted(what) for name, what in found.items() if what}
+
+
 def circle(graph):
     """Return modules each of which imports the next and the last the first, or []."""
     finished, path = set(), []
@@ -172,21 +178,25 @@ def circle(graph):
 
 
 def test_every_room_has_its_doors_written_down():
-    assert {room_of(dotted(name)) for name in SOURCES} - {''} == set(DOORS)
+    assert {room_of(module) for module in MODULES} - {''} == set(DOORS)
 
 
-@pytest.mark.parametrize('name', [name for name in SOURCES if dotted(name)])
-def test_rooms_open_the_doors_they_need_and_no_other(name):
-    room = room_of(dotted(name))
-    allowed = {'', room, *DOORS[room].split(), *SIDE_DOORS.get(name, '').split()}
-    assert {room_of(module) for module in needed(name)} <= allowed
+def test_rooms_open_the_doors_they_need_and_no_other():
+    def beyond(name):
+        room = room_of(dotted(name))
+        allowed = {'', room, *DOORS[room].split(), *SIDE_DOORS.get(name, '').split()}
+        return {module for module in needed(name) if room_of(module) not in allowed}
+
+    assert breaches([name for name in SOURCES if dotted(name)], beyond) == {}
 
 
-@pytest.mark.parametrize('name', [name for name in SOURCES if name.rpartition('/')[0] in CLOSED])
-def test_rooms_of_the_core_do_not_know_what_is_built_on_them(name):
-    closed = CLOSED[name.rpartition('/')[0]].split()
-    assert not [module for module in needed(name)
-                if any(f'{module}.'.startswith(f'core.{room}.') for room in closed)]
+def test_rooms_of_the_core_do_not_know_what_is_built_on_them():
+    def beyond(name):
+        closed = CLOSED[name.rpartition('/')[0]].split()
+        return {module for module in needed(name)
+                if any(f'{module}.'.startswith(f'core.{room}.') for room in closed)}
+
+    assert breaches([name for name in SOURCES if name.rpartition('/')[0] in CLOSED], beyond) == {}
 
 
 def test_no_module_imports_another_in_a_circle():
@@ -198,71 +208,70 @@ def test_circles_are_found():
     assert circle({'a': {'b', 'c'}, 'b': {'c'}, 'c': set()}) == []
 
 
-@pytest.mark.parametrize('name', in_rooms(*PACKAGES))
-def test_rooms_need_the_packages_they_say_and_no_other(name):
-    allowed = set(PACKAGES[room_of(dotted(name))].split())
-    if name in KERNELS:
-        allowed = {'numpy', 'numba'}
-    elif name in COMPILED:
-        allowed = {'numpy', 'numba', 'llvmlite'}
-    elif name.startswith('messages/'):
-        allowed |= ROS  # where they are used; the next test
-    assert foreign(name) <= allowed
+def test_rooms_need_the_packages_they_say_and_no_other():
+    def beyond(name):
+        allowed = set(PACKAGES[room_of(dotted(name))].split())
+        if name in KERNELS:
+            allowed = {'numpy', 'numba'}
+        elif name in COMPILED:
+            allowed = {'numpy', 'numba', 'llvmlite'}
+        elif name.startswith('messages/'):
+            allowed |= ROS  # where they are used; the next test
+        return foreign(name) - allowed
+
+    assert breaches(in_rooms(*PACKAGES), beyond) == {}
 
 
-@pytest.mark.parametrize('name', in_rooms('messages', 'recordings'))
-def test_messages_and_recordings_can_be_imported_without_ros(name):
-    assert not foreign(name, module_level_only=True) & ROS
+def test_messages_and_recordings_can_be_imported_without_ros():
+    assert breaches(in_rooms('messages', 'recordings'),
+                    lambda name: foreign(name, module_level_only=True) & ROS) == {}
 
 
-@pytest.mark.parametrize('name', SOURCES)
-def test_no_module_needs_ros_packages_that_are_not_everywhere(name):
-    assert not foreign(name) & NEVER
+def test_no_module_needs_ros_packages_that_are_not_everywhere():
+    assert breaches(SOURCES, lambda name: foreign(name) & NEVER) == {}
 
 
-@pytest.mark.parametrize('name', SOURCES)
-def test_heavy_optional_packages_are_imported_where_they_are_used(name):
-    assert not foreign(name, module_level_only=True) & {'mitsuba', 'rosbags', 'scipy'}
+def test_heavy_optional_packages_are_imported_where_they_are_used():
+    assert breaches(SOURCES, lambda name: foreign(name, module_level_only=True) & LATE) == {}
 
 
-@pytest.mark.parametrize('name', SOURCES)
-def test_compiled_code_lives_in_kernel_modules(name):
-    if 'numba' in foreign(name):
-        assert name in KERNELS or name in COMPILED
+def test_compiled_code_lives_in_kernel_modules():
+    assert breaches(set(SOURCES) - {*KERNELS, *COMPILED},
+                    lambda name: foreign(name) & {'numba', 'llvmlite'}) == {}
 
 
-@pytest.mark.parametrize('name', [name for name in SOURCES if name not in COMPILED])
-def test_the_insides_of_numba_are_behind_one_door(name):
-    assert 'llvmlite' not in foreign(name)
-    assert {attribute or module for module, attribute in imports(name)
-            if module.split('.')[0] == 'numba'} <= PUBLIC_NUMBA
+def test_the_insides_of_numba_are_behind_one_door():
+    def beyond(name):
+        return {attribute or module for module, attribute in imports(name)
+                if module.split('.')[0] == 'numba'} - PUBLIC_NUMBA
+
+    assert breaches(set(SOURCES) - set(COMPILED), beyond) == {}
 
 
-@pytest.mark.parametrize('name', KERNELS)
-def test_kernels_know_arrays_only(name):
-    assert [module for module in needed(name) if not KERNELS_MAY_IMPORT.match(module)] == []
+def test_kernels_know_arrays_only():
+    assert breaches(KERNELS, lambda name: {module for module in needed(name)
+                                           if not KERNELS_MAY_IMPORT.match(module)}) == {}
 
 
-@pytest.mark.parametrize('name', [*KERNELS, *COMPILED])
-def test_kernels_never_assume_that_there_is_no_nan(name):
+def test_kernels_never_assume_that_there_is_no_nan():
     # a kernel module may import the name of its flags from another
     constants = {node.targets[0].id: node.value
                  for module in (*KERNELS, *COMPILED) for node in SOURCES[module].body
                  if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)}
-    for node in ast.walk(SOURCES[name]):
-        if isinstance(node, ast.keyword) and node.arg == 'fastmath':
-            value = node.value
-            if isinstance(value, ast.Name) and value.id not in constants:
-                continue  # handed on by a function that makes decorators
-            flags = ast.literal_eval(
-                constants[value.id] if isinstance(value, ast.Name) else value)
-            assert not flags or {'nsz', 'arcp', 'contract', 'afn', 'reassoc'} >= set(flags)
+
+    def flags_of(value):
+        if isinstance(value, ast.Name):
+            value = constants.get(value.id)  # None: handed on by what makes decorators
+        return set() if value is None else set(ast.literal_eval(value) or ())
+
+    assert breaches((*KERNELS, *COMPILED), lambda name: set().union(*(
+        flags_of(node.value) for node in ast.walk(SOURCES[name])
+        if isinstance(node, ast.keyword) and node.arg == 'fastmath')) - NAN_SAFE) == {}
 
 
-@pytest.mark.parametrize('name', [name for name in SOURCES
-                                  if room_of(dotted(name)) not in ENCODING_ROOMS])
-def test_only_who_handles_messages_knows_image_encodings(name):
-    assert not [text for text in texts(name) if ENCODING.match(text)]
+def test_only_who_handles_messages_knows_image_encodings():
+    names = [name for name in SOURCES if room_of(dotted(name)) not in ENCODING_ROOMS]
+    assert breaches(names, lambda name: set(filter(ENCODING.match, texts(name)))) == {}
 
 
 def test_one_module_knows_bayer_patterns():
@@ -271,17 +280,21 @@ def test_one_module_knows_bayer_patterns():
     assert len(names) == 1 and names[0].startswith('messages/')
 
 
-@pytest.mark.parametrize('name', SOURCES)
-def test_every_module_and_public_name_has_a_docstring(name):
-    tree = SOURCES[name]
-    assert ast.get_docstring(tree) or not tree.body
-    for node in ast.walk(tree):
-        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith('_'):
-            if node in tree.body:
-                assert ast.get_docstring(node), f'{name}: {node.name}'
+def test_every_module_and_public_name_has_a_docstring():
+    def without(name):
+        tree = SOURCES[name]
+        public = [node for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))
+                  and not node.name.startswith('_')]
+        return {getattr(node, 'name', 'module') for node in (tree, *public)
+                if tree.body and not ast.get_docstring(node)}
+
+    assert breaches(SOURCES, without) == {}
 
 
-@pytest.mark.parametrize('name', SOURCES)
-def test_every_source_begins_with_its_license(name):
-    text = (PACKAGE / name).read_text(encoding='utf-8')
-    assert not text or '# SPDX-License-Identifier: Apache-2.0' in text.splitlines()[:2]
+def test_every_source_begins_with_its_license():
+    def first_lines(name):
+        return (PACKAGE / name).read_text(encoding='utf-8').splitlines()[:2]
+
+    assert [name for name in SOURCES
+            if first_lines(name) and '# SPDX-License-Identifier: Apache-2.0' not in
+            first_lines(name)] == []

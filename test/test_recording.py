@@ -164,6 +164,27 @@ def test_a_damaged_file_is_refused(recorded):
     assert 'damaged or only half written' in refusal(recorded)
 
 
+def test_random_damage_is_refused_or_harmless(recorded, effort, figures):
+    seeds = effort.seeds(20, 3000)
+    path = recorded / 'recorded.mcap'
+    whole = path.read_bytes()
+    refused = 0
+    for seed in seeds:
+        generator = np.random.default_rng(seed)
+        content = bytearray(whole)
+        start = int(generator.integers(len(content)))
+        content[start:start + 4] = generator.integers(0, 256, 4, np.uint8).tobytes()
+        path.write_bytes(content)
+        try:
+            with Recording(recorded) as recording:
+                for message in recording.messages():
+                    recording.decoded(message)
+        except RecordingError as error:
+            refused += 1
+            assert str(recorded) in str(error) and '\n' not in str(error)
+    figures('recordings with random damage refused', refused, 'recordings', over=seeds)
+
+
 def test_a_missing_file_is_named(recorded):
     (recorded / 'recorded.mcap').unlink()
     assert 'recorded.mcap' in refusal(recorded)
