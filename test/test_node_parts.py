@@ -362,10 +362,11 @@ def test_the_helper_goes_through_all_stages():
 
 WARM = """
 from color_stereo_ros.core import ColorStereo
-from color_stereo_ros.core.surface import coarse, method, views
+from color_stereo_ros.core.surface import (
+    coarse, neighbors, pair_model, pixels, planes, trust, views)
 from color_stereo_ros.core.surface.warm_up import some_calibration
 ColorStereo(some_calibration())
-for module in (coarse, views, method):
+for module in (coarse, neighbors, pair_model, pixels, planes, trust, views):
     for name, kernel in vars(module).items():
         if hasattr(kernel, 'signatures'):
             assert kernel.signatures, name

@@ -165,7 +165,7 @@ def test_a_damaged_file_is_refused(recorded):
 
 
 def test_random_damage_is_refused_or_harmless(recorded, effort, figures):
-    seeds = effort.seeds(20, 3000)
+    seeds = effort.seeds(5, 500)
     path = recorded / 'recorded.mcap'
     whole = path.read_bytes()
     refused = 0

@@ -4,15 +4,18 @@
 from concurrent.futures import ThreadPoolExecutor
 import os
 from pathlib import Path
-from types import SimpleNamespace
 
 from color_stereo_ros.core import CameraModel, ColorStereo, Settings, Status, StereoCalibration
 from color_stereo_ros.core.cameras.rectification import raw_coordinates
 from color_stereo_ros.core.compiled.arena import Arena
 from color_stereo_ros.core.patterns.expectation import Prior
-from color_stereo_ros.core.surface import method as surface, views as half_grid
+from color_stereo_ros.core.pipeline import Stopwatch
+from color_stereo_ros.core.surface import planes, views
 from color_stereo_ros.core.surface.coarse import CoarseSearch
+from color_stereo_ros.core.surface.gains import gains_of
+from color_stereo_ros.core.surface.grid import framed_area, whole
 from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.tuning import TUNING
 import numba
 import numpy as np
 import pytest
@@ -283,13 +286,13 @@ def test_print_shows_beside_slow_colors_and_noise_does_not(step_x):
     for light, shows in ((noise, False), (noise * ink, True)):
         view.u[:], view.s[:] = 0, 90 * light
         view.add_print()
-        level = np.log(view.s + half_grid.PRINT_KNEE)
-        radius = half_grid.PRINT_RADIUS, half_grid.PRINT_RADIUS * view.columns_per_node
+        level = np.log(view.s + views.PRINT_KNEE)
+        radius = views.PRINT_RADIUS, views.PRINT_RADIUS * view.columns_per_node
         for y, x in rng.integers(20, min(view.s.shape) - 20, (200, 2)):
             around = level[y - radius[0]:y + radius[0] + 1, x - radius[1]:x + radius[1] + 1]
             excess = level[y, x] - around.mean()
-            expected = half_grid.PRINT_GAIN * np.sign(excess) * max(
-                abs(excess) - half_grid.LEAST_PRINT, 0)
+            expected = views.PRINT_GAIN * np.sign(excess) * max(
+                abs(excess) - views.LEAST_PRINT, 0)
             assert view.u[y, x] == pytest.approx(expected, abs=1e-4)
         assert (np.abs(view.u).max() > 0.05) == shows
 
@@ -388,7 +391,7 @@ def test_foreshortening_makes_leaning_planes_fit():
     for foreshortening in (False, True):
         stereo = sensor(matching__foreshortening=foreshortening)
         stereo.process(*plane_pair(WIDTH, HEIGHT, 10, 0.5))
-        misfits.append(np.nanmean(stereo._method.misfit * stereo._method.scale))
+        misfits.append(np.nanmean(stereo._method.planes.misfit))
     assert misfits[1] < 0.97 * misfits[0]
 
 
@@ -428,10 +431,10 @@ def test_color_matching_makes_up_for_different_cameras():
 
 def test_gains_make_cameras_alike_and_channels_half_as_unequal():
     strong, weak = np.array([40.0, 10.0, 20.0]), np.array([20.0, 10.0, 5.0])
-    gains = surface.gains_of([strong - 0.5, weak - 0.5])
+    gains = gains_of([strong - 0.5, weak - 0.5], TUNING.views)
     first, second = gains[0] * strong, gains[1] * weak
     np.testing.assert_allclose(first / first.sum(), second / second.sum(), rtol=1e-6)
-    same = surface.gains_of([strong - 0.5, strong - 0.5])[0] * strong
+    same = gains_of([strong - 0.5, strong - 0.5], TUNING.views)[0] * strong
     np.testing.assert_allclose(same[0] / same[1], np.sqrt(strong[0] / strong[1]), rtol=1e-6)
 
 
@@ -440,10 +443,10 @@ def test_tiles_that_are_smooth_in_the_end_get_wide_windows(monkeypatch):
     variances = []
     for polishes in (True, False):
         if not polishes:
-            monkeypatch.setattr(surface.SurfaceMethod, 'polish', lambda *_: None)
+            monkeypatch.setattr(planes.LeastSquares, 'polish', lambda *_: None)
         method = ColorStereo(rig(320, 240), surface_settings(5, 80))._method
-        method.measure(*pair, SimpleNamespace(lap=lambda stage: None))
-        variances.append(method.variance[method.inner])
+        method.measure(*pair, Stopwatch())
+        variances.append(method.planes.variance[method.planes.grid.inner])
     late = variances[0] < 0.7 * variances[1]
     assert 0.02 < late.mean() < 0.98
     np.testing.assert_array_equal(variances[0][~late] > variances[1][~late], False)
@@ -476,8 +479,8 @@ def test_print_counts_under_slow_patterns_only():
         seen = []
         for paint in (1.0, ink):
             images = [exposed(each * paint, rng, noise=False) for each in light]
-            method.measure(*images, SimpleNamespace(lap=lambda stage: None))
-            seen.append(method.left.u[method.inner].copy())
+            method.measure(*images, Stopwatch())
+            seen.append(method.views.left.u[method.planes.grid.inner].copy())
         assert (np.percentile(np.abs(seen[1] - seen[0]), 90) > 0.1) == counts
 
 
@@ -485,7 +488,7 @@ def test_colors_between_nodes_count_where_patterns_repeat():
     left, right = plane_pair(WIDTH, HEIGHT, 20)
     for kind, between in (('sine', True), ('hue_field', False)):
         method = sensor(pattern__type=kind, pattern__cycles=16)._method
-        method.measure(left, right, SimpleNamespace(lap=lambda stage: None))
+        method.measure(left, right, Stopwatch())
         low, high = method.coarse.upright.inner[:2], method.coarse.upright.inner[2:4]
         assert (low <= high).all()
         assert (low < high).any() == between
@@ -621,12 +624,12 @@ def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 
     model = CameraModel('left', width, height, 'plumb_bob', np.array(distortion), camera,
                         np.eye(3), np.hstack([camera * [[zoom], [zoom], [1]], np.zeros((3, 1))]))
     rows, columns = height // 2, width // step_x - 1
-    shape = tuple(2 * PAD + surface.whole(count, tile)
+    shape = tuple(2 * PAD + whole(count, tile)
                   for count, tile in zip((rows, columns), (TILE_ROWS, TILE_COLUMNS)))
-    view = half_grid.View(model, rows, columns, step_x, shape, False, Arena())
-    area = half_grid.framed_area(rows, columns, half_grid.first_column(step_x))
+    view = views.View(model, rows, columns, step_x, shape, False, Arena())
+    area = framed_area(rows, columns, views.first_column(step_x))
     return view, area, raw_coordinates(
-        half_grid.half_grid_camera(model, rows, columns, step_x))
+        views.half_grid_camera(model, rows, columns, step_x))
 
 
 def seen(view, image):
@@ -652,7 +655,7 @@ def test_nodes_between_pixels_see_as_sharp_as_those_upon_them(step_x, axis):
     left = []
     for even in (False, True):
         if even:
-            view.even_out(np.nanmedian(view.kernel_variance), Arena())
+            view.even_out(np.nanmedian(view.psf_variance), Arena())
             assert view.widening.size > 0
         found = seen(view, image)[0][area][8:-8, 8:-8]
         scale = (found * ideal).sum() / (ideal ** 2).sum()
@@ -670,7 +673,7 @@ def test_evening_out_the_blur_takes_nothing_from_outside_the_image():
 
 def test_a_lens_whose_distortion_folds_leaves_the_rest_of_the_image_alone():
     view, area, _ = zoomed_view(2, zoom=1.0, size=(640, 480), distortion=(-0.35, 0.0, 0.0, 0.0))
-    known = view.kernel_variance[np.isfinite(view.kernel_variance)]
+    known = view.psf_variance[np.isfinite(view.psf_variance)]
     view.even_out(np.median(known), Arena())
     center = view.widening[:, area[0], area[1]][:, 80:160, 110:210]
-    assert np.abs(center).max() < half_grid.MOST_GAIN
+    assert np.abs(center).max() < views.MOST_GAIN

@@ -19,10 +19,11 @@ from color_stereo_ros.core.compiled.arena import Arena
 from color_stereo_ros.core.compiled.bands import band, BANDS
 from color_stereo_ros.core.compiled.stack import LENGTH
 from color_stereo_ros.core.patterns.expectation import Prior
-from color_stereo_ros.core.surface import method as surface
+from color_stereo_ros.core.surface import planes as surface_planes
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
 from color_stereo_ros.core.surface.coarse_kernels import (
     add_turned, GUARD, reduce_colors, seed_planes, winners)
+from color_stereo_ros.core.surface.grid import tiles_of
 from color_stereo_ros.core.surface.grid_kernels import CEILING, FLAT, PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO, MARGIN, propagate
 from color_stereo_ros.core.surface.pixel_kernels import expand
@@ -31,6 +32,7 @@ from color_stereo_ros.core.surface.plane_kernels import (
 from color_stereo_ros.core.surface.trust_kernels import (
     brightness_balance, find_hidden, HOPELESS, ISLAND, join_nodes, judge, remove_islands, root_of,
     settle, UNKNOWN)
+from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.core.surface.view_kernels import (
     add_color_sums, box_sums, channel_levels, sample_colors)
 from color_stereo_ros.core.surface.views import DARKEST, NOISE, SOFT
@@ -43,9 +45,13 @@ ROWS, COLUMNS = 13, 41            # no multiples of a tile
 SHAPE = (2 * PAD + 2 * TILE_ROWS, 2 * PAD + 2 * TILE_COLUMNS)
 WIDTH = 2 * COLUMNS
 INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
-TILES = surface.tiles_of(SHAPE)
+TILES = tiles_of(SHAPE)
 PRIOR = Prior.of(Settings(), WIDTH)
 KERNEL = F4(1.2)  # px^2
+ROBUST, STEEPEST = F4(TUNING.planes.robust_misfit), F4(TUNING.planes.steepest)
+TRUNCATION = F4(TUNING.neighbors.misfit_cap)
+CONTINUOUS, SEPARATE = F4(TUNING.trust.continuous), F4(TUNING.trust.separate)
+FORM = np.array(TUNING.trust.form, F4)
 MATRIX = np.array([[1.1, 0.05, 0.02], [-0.04, 0.9, -0.03]], F4)
 
 
@@ -97,7 +103,7 @@ def unknown(count):
 
 
 def test_every_parallel_kernel_has_a_twin():
-    parallel = [node.name for path in Path(surface.__file__).parent.glob('*_kernels.py')
+    parallel = [node.name for path in Path(surface_planes.__file__).parent.glob('*_kernels.py')
                 for node in ast.parse(path.read_text()).body
                 if isinstance(node, ast.FunctionDef)
                 and any('banded' in ast.unparse(mark) for mark in node.decorator_list)]
@@ -274,7 +280,7 @@ def test_coarse_disparities_seed_planes(factor):
 def compiled_linearize(left, right, shape, tiles):
     """Return weight, moment and misfit of the kernel, NaN outside the tiles."""
     out = unknown(3)
-    linearize(*left, *right, KERNEL, MATRIX, *shape, tiles, surface.ROBUST, F4(1.7), F4(3.0),
+    linearize(*left, *right, KERNEL, MATRIX, *shape, tiles, ROBUST, F4(1.7), F4(3.0),
               *out)
     return out
 
@@ -292,7 +298,7 @@ def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
     weight, moment = unknown(2)
     level = np.zeros((2, *SHAPE), F4)
     linearize(*left, *view(np.arange(WIDTH)), KERNEL, np.eye(2, 3, dtype=F4), d, *level, TILES,
-              surface.ROBUST, F4(1), F4(0), weight, moment, unknown(1)[0])
+              ROBUST, F4(1), F4(0), weight, moment, unknown(1)[0])
     # Catmull-Rom: 0.004 px at a quarter
     assert abs(np.nansum(moment) / np.nansum(weight) - 8 - fraction) < 0.0005
 
@@ -304,7 +310,7 @@ def test_linearization_is_the_derivative_of_the_misfit(tiles, slope):
     shape[1] += slope  # px per node: .8 is blurred most, 5 is turned over
     expected = naive.linearize(left.astype(float), right.astype(float), float(KERNEL),
                                MATRIX.astype(float), shape.astype(float), tiles,
-                               float(surface.ROBUST), 1.7, 3.0)
+                               float(ROBUST), 1.7, 3.0)
     found = compiled_linearize(left, right, shape, tiles)
     assert np.count_nonzero(found[0] > 0) > 100
     np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-3)
@@ -330,7 +336,7 @@ def test_a_leaning_plane_is_blurred_as_much_in_the_left_view_as_in_the_right(slo
     for variance in (0, kernel):
         out = unknown(3)
         linearize(*left, *right, F4(variance), np.eye(2, 3, dtype=F4), *shape, TILES,
-                  surface.ROBUST, F4(1), F4(0), *out)
+                  ROBUST, F4(1), F4(0), *out)
         misfit.append(np.nanmean(out[2]))
     assert misfit[1] < 0.2 * misfit[0]
 
@@ -347,7 +353,7 @@ def test_one_step_from_the_linearization_recovers_a_disparity():
     shape = np.zeros((3, *SHAPE), F4)
     shape[0] = 7.0
     weight, moment, _ = unknown(3)
-    linearize(*left, *right, KERNEL, np.eye(2, 3, dtype=F4), *shape, TILES, surface.ROBUST,
+    linearize(*left, *right, KERNEL, np.eye(2, 3, dtype=F4), *shape, TILES, ROBUST,
               F4(1), F4(3), weight, moment, unknown(1)[0])
     inside = weight > 0
     np.testing.assert_allclose(3 + moment[inside] / weight[inside], 7.3, atol=0.02)
@@ -368,10 +374,10 @@ def test_planes_are_weighted_least_squares(gate, stride, ridge):
     reach = np.array([0, RADIUS, WIDE_RADIUS, 0] * len(TILES))[:len(TILES)]
     out = unknown(4)
     fit_planes(weight, moment, *shape, TILES, reach.astype(np.int8), F4(gate), stride,
-               F4(0.7), F4(ridge), surface.STEEPEST, F4(3), *out)
+               F4(0.7), F4(ridge), STEEPEST, F4(3), *out)
     expected = naive.fit_planes(weight.astype(float), moment.astype(float), shape.astype(float),
                                 TILES, reach, gate, stride, 0.7, ridge,
-                                float(surface.STEEPEST), 3.0)
+                                float(STEEPEST), 3.0)
     np.testing.assert_allclose(out[:3], expected[:3], rtol=1e-3, atol=3e-3)
     same = np.isfinite(out[3]) == np.isfinite(expected[3])
     assert same[PAD:-PAD, PAD:-PAD].mean() > 0.99  # hardly more signal than noise
@@ -385,7 +391,7 @@ def test_tiles_without_information_keep_their_planes():
     out = unknown(4)
     fit_planes(np.zeros(SHAPE, F4), np.zeros(SHAPE, F4), *shape, TILES,
                np.zeros(len(TILES), np.int8), F4(1), 1, F4(0.7), F4(0.5),
-               surface.STEEPEST, F4(0), *out)
+               STEEPEST, F4(0), *out)
     np.testing.assert_array_equal(out[:3, *INNER], shape[:, *INNER])
     assert np.isinf(out[3][INNER]).all()
 
@@ -408,7 +414,7 @@ def test_smooth_tiles_hold_one_surface(change):
     if 'dark' in change:
         variance[PAD + 1:PAD + 8, PAD + 2:PAD + 9] = FLAT
     smooth = np.empty(len(TILES), bool)
-    step = F4(surface.STEADY[-1])
+    step = F4(TUNING.planes.steadiness[-1])
     find_smooth_tiles(*shape, variance, TILES, 2, step, smooth)
     expected = naive.find_smooth_tiles(shape.astype(float), variance, TILES, 2, float(step))
     np.testing.assert_array_equal(smooth, expected)
@@ -423,10 +429,10 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
     out = unknown(4)
     out[3] = np.random.default_rng(23).uniform(5, 30, SHAPE)
     own_cost = out[3].copy() if judged else None
-    propagate(*left, *right, KERNEL, MATRIX, F4(1.3), surface.TRUNCATION, F4(0.5), *shape,
+    propagate(*left, *right, KERNEL, MATRIX, F4(1.3), TRUNCATION, F4(0.5), *shape,
               tiles, step, judged, *out)
     expected = naive.propagate(left.astype(float), right.astype(float), float(KERNEL),
-                               MATRIX.astype(float), 1.3, float(surface.TRUNCATION), 0.5, shape,
+                               MATRIX.astype(float), 1.3, float(TRUNCATION), 0.5, shape,
                                tiles, step, own_cost)
     inside = np.isfinite(expected[3])
     out[3][~inside] = np.nan
@@ -436,7 +442,7 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
 
 
 def test_the_frame_is_as_wide_as_windows_and_steps_reach():
-    farthest = max(step for steps in surface.STEPS for step in steps)
+    farthest = max(step for steps in TUNING.neighbors.steps for step in steps)
     assert farthest + max(MARGIN, HALO) <= PAD
     assert 4 * math.ceil(WIDE_RADIUS / 4) <= PAD and WIDE_RADIUS < PAD
 
@@ -444,10 +450,10 @@ def test_the_frame_is_as_wide_as_windows_and_steps_reach():
 def test_tiles_far_from_any_plane_stay_unknown():
     left, right = views(22)
     out = np.zeros((4, *SHAPE), F4)
-    propagate(*left, *right, KERNEL, MATRIX, F4(1), surface.TRUNCATION, F4(0.5),
+    propagate(*left, *right, KERNEL, MATRIX, F4(1), TRUNCATION, F4(0.5),
               *unknown(3), TILES, 2, False, *out)
     assert np.isnan(out[0][INNER]).all()
-    assert (out[3][INNER] == surface.TRUNCATION).all()
+    assert (out[3][INNER] == TRUNCATION).all()
 
 
 def brightness(rng):
@@ -463,8 +469,8 @@ def test_brightness_is_compared_where_colors_match():
     d = planes(28)[0]
     misfit = rng.choice([1, 30, np.nan], SHAPE).astype(F4)
     out = np.empty((2, ROWS // 4, COLUMNS // 4), F4)
-    brightness_balance(d, misfit, left_s, right_s, 4, surface.ROBUST, *out)
-    expected = naive.brightness_balance(d, misfit, left_s, right_s, 4, float(surface.ROBUST),
+    brightness_balance(d, misfit, left_s, right_s, 4, ROBUST, *out)
+    expected = naive.brightness_balance(d, misfit, left_s, right_s, 4, float(ROBUST),
                                         out[0].shape)
     assert 0 < out[1].mean() < 1
     np.testing.assert_allclose(out, expected, atol=1e-5)
@@ -493,10 +499,10 @@ def judged(seed):
     left_s, right_s, balance = brightness(rng)
     evidence, trust = np.empty((5, ROWS, COLUMNS), F4), np.zeros(SHAPE, F4)
     judge(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
-          surface.MODEL, evidence, trust)
+          FORM, evidence, trust)
     expected = naive.judge(shape.astype(float), cost, misfit, variance.astype(float),
                            left_s.astype(float), right_s.astype(float), balance, ROWS, COLUMNS,
-                           surface.MODEL.astype(float))
+                           FORM.astype(float))
     return (evidence, trust[INNER]), expected
 
 
@@ -529,7 +535,7 @@ def test_nodes_of_a_band_are_joined_to_segments():
     run_of, first, parent, size = np.empty((4, ROWS * COLUMNS), np.int32)
     ends = np.empty(BANDS, np.int32)
     light = light_of_nodes(25)
-    join_nodes(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS, run_of,
+    join_nodes(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, CONTINUOUS, run_of,
                first, parent, size, ends)
     for k in range(BANDS):
         top, bottom = band.py_func(k, ROWS)
@@ -551,9 +557,9 @@ def test_islands_are_the_small_connected_segments(least_size):
     light = light_of_nodes(25)
     expected = naive.remove_islands(shape, trust, light, BRIGHT, ROWS, COLUMNS, 1.0, least_size)
     scratch = np.empty((4, ROWS * COLUMNS), np.int32)
-    remove_islands(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, surface.CONTINUOUS,
+    remove_islands(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, CONTINUOUS,
                    least_size, *scratch)
-    assert surface.CONTINUOUS == 1.0
+    assert CONTINUOUS == 1.0
     np.testing.assert_array_equal(trust, expected)
     assert (trust == ISLAND).any() and (trust > 0).any()
 
@@ -564,9 +570,9 @@ def test_hidden_nodes_lie_behind_more_trusted_ones():
     trust = framed(rng.normal(0, 3, (ROWS, COLUMNS)), UNKNOWN)
     trust[np.isnan(shape[0])] = UNKNOWN
     hidden = np.zeros(SHAPE, bool)
-    find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, surface.SEPARATE, hidden,
+    find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, SEPARATE, hidden,
                 np.empty((BANDS, WIDTH), np.int32), np.empty((BANDS, WIDTH), F4))
-    expected = naive.find_hidden(shape, trust, ROWS, COLUMNS, WIDTH, float(surface.SEPARATE))
+    expected = naive.find_hidden(shape, trust, ROWS, COLUMNS, WIDTH, float(SEPARATE))
     assert hidden.any() and not hidden[INNER].all()
     np.testing.assert_array_equal(hidden[INNER], expected)
 
@@ -583,7 +589,7 @@ def test_every_reason_is_given_and_as_documented():
     s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
     std, odds = np.zeros((2, *SHAPE), F4)
     reason = np.zeros(SHAPE, np.uint8)
-    rest = (np.array([-5, 20], F4), F4(253), F4(4), surface.HIDDEN_ODDS, surface.VAGUE)
+    rest = (np.array([-5, 20], F4), F4(253), F4(4), F4(TUNING.trust.hidden_odds), TUNING.trust.vague_std)
     settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
            odds, reason)
     expected = naive.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS,

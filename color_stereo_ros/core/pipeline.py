@@ -97,9 +97,7 @@ class ColorStereo:
         with KERNELS:
             found = self._method.measure(left, right, clock)
         return RangeResult(
-            disparity=found.disparity, depth=found.depth, confidence=found.confidence,
-            status=found.status, disparity_std=found.disparity_std,
-            image_source=partial(self._rectifier.rectify_left, left),
+            **vars(found), image_source=partial(self._rectifier.rectify_left, left),
             geometry=self.calibration.geometry, disparity_limits=self._limits,
             seconds=clock.seconds)
 
@@ -112,8 +110,8 @@ class Stopwatch:
         self.seconds = {}
         self._last = perf_counter()
 
-    def lap(self, stage):
-        """Record the time since the last lap, s."""
+    def lap(self, stage, written=None):
+        """Record the time since the last lap, s; what a stage has written is for others."""
         now = perf_counter()
         self.seconds[stage] = now - self._last
         self._last = now

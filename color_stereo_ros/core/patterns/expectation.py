@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import math
 
 APERIODIC = 'hue_field', 'wave_field', 'pseudo_noise'
-SLOW = 'sweep', 'bright_sweep', 'sine'
+CYCLIC = SLOW = 'sweep', 'bright_sweep', 'sine'
 
 
 @dataclass(frozen=True)
@@ -70,3 +70,41 @@ def _kind(pattern, width):
     smoothness = 1.0 if blur else 2.0
     return Prior(texture=4.0 if shaded else 2.0, surroundings=41 if shaded else 9, knee=48.0,
                  smoothness=smoothness, blur=blur, least_gap=smoothness if cycles > 1 else 0.0)
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What is known of a pattern."""
+
+    aperiodic: bool
+    """The same colors do not come again, and every part holds all of them alike."""
+    cycles: float
+    """How often the colors come again over the width of the pattern; inf: not known."""
+
+    @property
+    def repeats(self):
+        """Return whether the same colors may come again within the search."""
+        return not self.aperiodic and self.cycles > 1
+
+    @property
+    def counted(self):
+        """Return whether the pattern has several cycles of a known number."""
+        return self.repeats and math.isfinite(self.cycles)
+
+    @classmethod
+    def of(cls, pattern):
+        """
+        Return what is known of a pattern.
+
+        Parameters
+        ----------
+        pattern : PatternSettings
+
+        Returns
+        -------
+        expectation : Expectation
+
+        """
+        if pattern.type in APERIODIC:
+            return cls(aperiodic=True, cycles=1)
+        return cls(aperiodic=False, cycles=pattern.cycles if pattern.type in CYCLIC else math.inf)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The coarse search of the surface method: semi-global, over all disparities, on few nodes."""
 
+from dataclasses import dataclass
 import math
 
 import cv2
@@ -10,6 +11,18 @@ from ..compiled.bands import BANDS
 from ..triangulation import search_interval
 from .coarse_kernels import add_turned, cost_volume, reduce_colors, sgm_paths, winners
 from .grid_kernels import F4, PAD
+
+
+@dataclass(frozen=True, eq=False)
+class Seeds:
+    """What the coarse search finds; arrays that the next pair overwrites."""
+
+    disparity: np.ndarray
+    """float32 (h, w), in coarse nodes; NaN where left and right disagree."""
+    factor: int
+    """Nodes of the half grid per coarse node, in rows and in columns."""
+    clear_share: np.ndarray
+    """float32 (h, w), share of the nodes around with one clear minimum; None: no repetitions."""
 
 
 class CoarseSearch:
@@ -72,31 +85,31 @@ class CoarseSearch:
             (2, 2 * depth + 3, max(each.cost.shape[2] for each in (self.upright, self.turned))),
             np.int16)
         self.disparity, self.clear = arena.empty((2, h, w), F4)
-        self.clear_share = np.ones((h, w), F4)  # of the nodes around each one
+        self.clear_share = np.ones((h, w), F4) if self.least_gap > 0 else None
+        self.seeds = Seeds(self.disparity, self.factor, self.clear_share)
         self.best = arena.empty((BANDS, 2, w), np.int32)
 
-    def search(self, left, right):
+    def search(self, views):
         """
         Search one pair.
 
         Parameters
         ----------
-        left, right : View
+        views : Views
 
         Returns
         -------
-        disparity : numpy.ndarray, float32, shape (h, w)
-            In coarse nodes; NaN where left and right disagree.
+        seeds : Seeds
 
         """
-        self.fill_colors(left, right)
+        self.fill_colors(views.left, views.right)
         self.turn()
         self.aggregate()
         winners(self.upright.total, self.first, self.least_gap, self.disparity, self.clear,
                 self.best)
         if self.least_gap > 0:
             cv2.blur(self.clear, self.REGION, dst=self.clear_share)
-        return self.disparity
+        return self.seeds
 
     def aggregate(self):
         """Compare all nodes at all disparities; follow the semi-global paths through the costs."""
@@ -157,7 +170,7 @@ def half_way(colors):
 
 
 class Volumes:
-    """Colors, costs and path costs in one layout; see `_coarse_kernels`."""
+    """Colors, costs and path costs in one layout; see `coarse_kernels`."""
 
     def __init__(self, lines, lanes, depth, margin, arena):
         """Allocate; margin: lines and lanes without color around the right image."""

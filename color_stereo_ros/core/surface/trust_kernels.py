@@ -326,7 +326,7 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
     (px): the standard deviation of a plane from which on the colors around a node are too uniform
     to tell. The standard deviation grows with the distance of the neighbors from the plane: there
     a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
-    it gets a frame of the nearest nodes left and right. reason takes the codes of types.Status.
+    it gets a frame of the nearest nodes left and right. reason takes the codes of Status.
 
     """
     too_vague = vague * vague

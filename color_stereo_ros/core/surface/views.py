@@ -2,7 +2,7 @@
 """
 The colors of one camera on its half grid.
 
-Where the nodes of a half grid (see `_grid_kernels`) lie in the raw image of a camera, through
+Where the nodes of a half grid (see `grid_kernels`) lie in the raw image of a camera, through
 what they see it, and what color each of them has.
 
 """
@@ -15,6 +15,8 @@ import numpy as np
 
 from ..cameras.rectification import inside_image, raw_coordinates
 from ..compiled.bands import BANDS
+from .gains import channel_gains, noise_weight
+from .grid import framed_area
 from .grid_kernels import F4, FLAT, PAD
 from .view_kernels import box_sums, channel_levels, sample_colors
 
@@ -30,6 +32,71 @@ LEAST_PRINT = F4(0.2)  # or more; what exceeds that counts as chromaticity
 PRINT_GAIN = F4(0.6)  # times so much, under slow patterns
 
 
+class Views:
+    """
+    The colors of both cameras on their half grids.
+
+    Parameters
+    ----------
+    calibration : StereoCalibration
+    grid : HalfGrid
+    settings : Settings
+    tuning : ViewTuning
+    blur : int
+        Radius over which colors are averaged, nodes.
+    rectified_input : bool
+        The images arrive rectified already.
+    arena : Arena
+
+    Attributes
+    ----------
+    left, right : View
+        The right one has one column per pixel, so that a disparity is sampled finely.
+    psf : numpy.float32
+        Variance of the point spread that all nodes share, px^2; 0 where foreshortening of the
+        surface does not change it.
+    noise_weight : numpy.float32
+        Of the pair in force, see `gains.noise_weight`.
+
+    """
+
+    def __init__(self, calibration, grid, settings, tuning, blur, rectified_input, arena):
+        """Build the maps of both cameras and make their point spreads alike."""
+        self.grid, self.settings, self.tuning, self.blur = grid, settings, tuning, blur
+        rows, columns = grid.nodes
+        self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input, arena)
+        self.right = View(calibration.right, rows, grid.width - 1, 1,
+                          (grid.shape[0], grid.width), rectified_input, arena)
+        both = self.left, self.right
+        known = np.concatenate([view.psf_variance[np.isfinite(view.psf_variance)]
+                                for view in both])
+        variance = np.median(known) if known.size else 0.0
+        for view in both:
+            view.even_out(variance, arena)
+        # averaged colors change too slowly for their blur to show
+        foreshortened = settings.matching.foreshortening and not blur
+        self.psf = F4(variance if foreshortened else 0.0)
+        self.noise_weight = F4(1)
+
+    def load(self, left, right):
+        """
+        Take the raw images of a pair, uint8 (H, W, 3), RGB.
+
+        Returns
+        -------
+        views : Views
+            These; their arrays hold the pair until the next one is loaded.
+
+        """
+        color = self.settings.color
+        levels = [self.left.load(left, color), self.right.load(right, color)]
+        gains = channel_gains(levels, color, self.tuning)
+        for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
+            view.fill(dark, gain, color, self.blur)
+        self.noise_weight = F4(noise_weight(left, self.tuning) / (1 + 2 * self.blur) ** 2)
+        return self
+
+
 class View:
     """The colors of one camera on its half grid, and the buffers for them."""
 
@@ -43,17 +110,17 @@ class View:
         self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
         self.box = arena.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
-        self.kernel_variance = kernel_variance(camera, rows, columns, step_x, places)
+        self.psf_variance = psf_variance(camera, rows, columns, step_x, places)
         self.widening = np.empty((2, 0, 0), F4)
         self.ring = arena.empty((BANDS, 3, 3, shape[1]), F4)
         self.u, self.v, self.s, self.peak, self.variance = (
             arena.zeros(shape, F4) for _ in range(5))
 
     def even_out(self, variance, arena):
-        """Prepare to let all nodes see through kernels of the same variance, px^2."""
+        """Prepare to give all nodes a point spread of the same variance, px^2."""
         step_x = 2 // self.columns_per_node
         squares = np.array([[[step_x ** 2]], [[2 ** 2]]])
-        gain = np.nan_to_num(0.5 * (variance - self.kernel_variance) / squares)
+        gain = np.nan_to_num(0.5 * (variance - self.psf_variance) / squares)
         gain = np.clip(gain, -MOST_GAIN, MOST_GAIN)
         if np.abs(gain).max() < LEAST_GAIN:
             return
@@ -172,13 +239,13 @@ def half_grid_index(camera, rows, columns, step_x, shape, places):
     return index, frac_x, frac_y
 
 
-def kernel_variance(camera, rows, columns, step_x, places):
+def psf_variance(camera, rows, columns, step_x, places):
     """
-    Return the variance of the kernel through which each node sees the scene.
+    Return the variance of the point spread through which each node sees the scene.
 
-    Pixels, demosaicing, sums of 2 x 2 pixels and linear interpolation average over raw pixels,
-    whose size in rectified ones changes over the image where cameras converge. Two nodes match
-    only as well as their kernels. See `half_grid_index` for the arguments.
+    Pixels, demosaicing, sums of 2 x 2 pixels and linear interpolation average over raw pixels.
+    The size of a raw pixel in rectified ones changes over the image where cameras converge. Two
+    nodes match only as well as their point spreads. See `half_grid_index` for the arguments.
 
     Returns
     -------
@@ -202,11 +269,6 @@ def kernel_variance(camera, rows, columns, step_x, places):
 def first_column(step_x):
     """Return the first column of the nodes: the right view, one column a node, has no frame."""
     return PAD if step_x == 2 else 0
-
-
-def framed_area(rows, columns, first):
-    """Return where the nodes lie in a framed array, a pair of slices."""
-    return np.s_[PAD:PAD + rows, first:first + columns]
 
 
 def half_grid_camera(camera, rows, columns, step_x):

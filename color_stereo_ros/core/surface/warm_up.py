@@ -53,19 +53,23 @@ def start_helper():
 
 def main():
     """Fit planes, then go through the other stages of the surface method, the last ones first."""
-    from ..pipeline import Stopwatch
     from ..settings.groups import Settings
     from ..triangulation import disparity_limits
-    from .method import STEPS, SurfaceMethod
+    from .method import SurfaceMethod
+    from .neighbors import propagate_planes
+    from .pair_model import PairModel
+    from .pixels import measured_pixels
     calibration, settings = some_calibration(), Settings()
     method = SurfaceMethod(settings, calibration,
                            disparity_limits(calibration.geometry, settings.range))
-    method.fit_planes(method.tiles, 0, 2)
-    method.judge()
-    method.expand(Stopwatch())
-    method.propagate(STEPS[0])
-    method.linearize(method.tiles)
-    method.seed()
+    views, planes, solver = method.views, method.planes, method.least_squares
+    pair, tiles = PairModel.neutral(views), planes.tiles
+    solver.fit(solver.linearized, views, planes, pair, tiles, 0)
+    verdict = method.trust.judge(views, planes, method.coarse.seeds)
+    measured_pixels(planes, verdict, method.geometry, method.limits, method.trust.least_odds)
+    propagate_planes(views, planes, pair, tiles, 1, method.tuning.neighbors)
+    solver.linearize(views, planes, pair, tiles)
+    planes.seed(method.coarse.search(views))
 
 
 if __name__ == '__main__':

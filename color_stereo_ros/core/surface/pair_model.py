@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What holds for all nodes of one pair: how colors map from right to left, how much noise."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .grid_kernels import F4, PAD
+from .view_kernels import add_color_sums
+
+
+@dataclass(frozen=True, eq=False)
+class PairModel:
+    """What is the same at all nodes of one pair of images."""
+
+    matrix: np.ndarray
+    """float32 (2, 3), the affine map from right to left chromaticities."""
+    scale: np.float32
+    """Variance of the colors, as a factor of that of the camera model in `views`."""
+    noise_weight: np.float32
+    """Weight that mere noise has at a node, see `gains.noise_weight`."""
+
+    @classmethod
+    def neutral(cls, views):
+        """Return what holds before anything is measured: equal cameras, plausible noise."""
+        return cls(np.eye(2, 3, dtype=F4), F4(1), views.noise_weight)
+
+    def measured(self, views, planes, match_colors, tuning):
+        """
+        Return the model that the matches so far show.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField
+            With the misfit under this model.
+        match_colors : bool
+            Measure `matrix`, too.
+        tuning : PlaneTuning
+
+        Returns
+        -------
+        model : PairModel
+            This one where there are too few matches.
+
+        """
+        rows, columns = views.grid.nodes
+        step_y, step_x = tuning.adapt_steps
+        area = np.s_[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
+        known = planes.misfit[area][np.isfinite(planes.misfit[area])]
+        if known.size < tuning.least_samples:
+            return self
+        at = known.size // 4
+        scale = F4(np.clip(np.partition(known, at)[at] / tuning.quartile, *tuning.scale_limits))
+        if not match_colors:
+            return replace(self, scale=scale)
+        return replace(self, scale=scale, matrix=color_matrix(views, planes, scale, tuning))
+
+
+def color_matrix(views, planes, scale, tuning):
+    """Return the affine map (2, 3) from right to left chromaticities of matched nodes."""
+    # a prior for equal cameras steadies images with little color
+    normal, target = tuning.color_prior * np.eye(3), tuning.color_prior * np.eye(3, 2)
+    left, right = views.left, views.right
+    add_color_sums(left.u, left.v, right.u, right.v, planes.d, planes.misfit,
+                   F4(tuning.robust_misfit) * scale, *views.grid.nodes, *tuning.adapt_steps, normal, target)
+    # rows in memory as in `PairModel.neutral`: another layout would compile the kernels again
+    return np.ascontiguousarray(np.linalg.solve(normal, target).T, F4)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From nodes to pixels: the planes are evaluated and triangulated at every pixel."""
+
+import numpy as np
+
+from ..results import Measurement
+from .grid_kernels import F4
+from .pixel_kernels import expand
+
+
+def measured_pixels(planes, verdict, geometry, limits, least_odds):
+    """
+    Return the measurement at every pixel.
+
+    Parameters
+    ----------
+    planes : PlaneField
+    verdict : Verdict
+    geometry : RectifiedGeometry
+    limits : numpy.ndarray, float32, shape (2,)
+        Smallest and largest disparity, px.
+    least_odds : numpy.float32
+        Pixels with lower log-odds of being right get no range.
+
+    Returns
+    -------
+    measurement : Measurement
+
+    """
+    shape = geometry.height, geometry.width
+    disparity, depth, std, confidence = np.empty((4, *shape), F4)
+    status = np.empty(shape, np.uint8)
+    expand(*planes, verdict.std, verdict.log_odds, verdict.reason, *planes.grid.nodes, limits,
+           F4(geometry.focal_baseline), F4(geometry.principal_offset), least_odds, disparity, depth, std,
+           confidence, status)
+    return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
+                       status=status, depth=depth)

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trust: how far each node can be believed, how precise it is, and why some have no range."""
+
+from dataclasses import dataclass
+import math
+
+import cv2
+import numpy as np
+
+from ..compiled.bands import BANDS
+from ..status import Status
+from .grid_kernels import F4
+from .trust_kernels import brightness_balance, find_hidden, judge, remove_islands, settle
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What is held of every node; framed arrays that the next pair overwrites."""
+
+    std: np.ndarray
+    """float32, standard deviation of the disparity, px."""
+    log_odds: np.ndarray
+    """float32, of being right within 1 px; HOPELESS where no range is possible."""
+    reason: np.ndarray
+    """uint8, a `Status` code: why there may be no range."""
+
+
+class Trust:
+    """Judges the planes of one rig."""
+
+    def __init__(self, grid, limits, settings, tuning, arena):
+        """Allocate the evidence."""
+        self.grid, self.settings = grid, settings
+        self.tuning, self.repetition = tuning.trust, tuning.repetition
+        margin = tuning.pixels.limit_margin
+        self.limits = limits + np.array([-margin, margin], F4)
+        self.form = np.array(self.tuning.form, F4)
+        self.form[0, 0] += F4(self.tuning.odds_offset)
+        self.robust_misfit = F4(tuning.planes.robust_misfit)
+        self.least_odds = log_odds(settings.matching.min_confidence,
+                                   tuning.pixels.least_probability)
+        self.log_odds = arena.zeros(grid.shape, F4)
+        self.evidence = arena.empty((len(self.form) - 1, *grid.nodes), F4)
+        samples = (max(1, count // self.tuning.balance_step) for count in grid.nodes)
+        self.balance = arena.zeros((2, *samples), F4)
+        self.hidden = arena.zeros(grid.shape, bool)
+        self.owners = arena.empty((BANDS, grid.width), np.int32), arena.empty(
+            (BANDS, grid.width), F4)
+        self.segments = arena.empty((4, grid.rows * grid.columns), np.int32)
+        self.verdict = Verdict(arena.zeros(grid.shape, F4), arena.zeros(grid.shape, F4),
+                               arena.zeros(grid.shape, np.uint8))
+
+    def judge(self, views, planes, seeds):
+        """
+        Find out how far each node can be trusted, and why some cannot.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField
+        seeds : Seeds
+
+        Returns
+        -------
+        verdict : Verdict
+
+        """
+        self.weigh(views, planes)
+        if self.tuning.discord_odds:
+            self.distrust_discord(planes)
+        self.remove_islands(views, planes)
+        self.find_hidden(planes)
+        verdict = self.settle(views, planes)
+        if seeds.clear_share is not None:
+            self.doubt_repetitions(seeds.clear_share, verdict)
+        return verdict
+
+    def weigh(self, views, planes):
+        """Write the evidence of every node, and the log-odds that follow from it."""
+        usual = self.usual_balance(views, planes)
+        judge(*planes, planes.cost, planes.misfit, planes.variance, views.left.s, views.right.s,
+              usual, *self.grid.nodes, self.form, self.evidence, self.log_odds)
+
+    def usual_balance(self, views, planes):
+        """Return the brightness left against right around each node, float32 (rows, columns)."""
+        tuning = self.tuning
+        brightness_balance(planes.d, planes.misfit, views.left.s, views.right.s,
+                           tuning.balance_step, self.robust_misfit, *self.balance)
+        around = (tuning.balance_surroundings,) * 2
+        balance, weight = (cv2.blur(each, around) for each in self.balance)
+        return self.at_all_nodes(balance / np.maximum(weight, F4(tuning.least_balance_weight)))
+
+    def at_all_nodes(self, samples):
+        """Return samples of a coarser grid at all nodes, linearly interpolated."""
+        return cv2.resize(samples, self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
+
+    def distrust_discord(self, planes):
+        """
+        Trust nodes less where most planes around them contradict their neighbors.
+
+        Noise, or two images of different things, match by chance here and there. A single such
+        node looks as good as a true one; its surroundings do not.
+
+        """
+        tuning, inner = self.tuning, self.grid.inner
+        thinned = np.s_[::tuning.discord_step, ::tuning.discord_step]
+        known = (planes.variance[inner][thinned] < F4(tuning.discord_variance)).view(np.uint8)
+        apart = (self.evidence[3][thinned] > F4(tuning.discord_distance)).view(np.uint8) & known
+        # border pixels are repeated, by both counts alike
+        around = (tuning.discord_surroundings,) * 2
+        counts = [cv2.boxFilter(each, cv2.CV_32F, around, normalize=False)
+                  for each in (apart, known)]
+        share = counts[0] / np.maximum(counts[1], F4(1))
+        most = F4(tuning.discord_share)
+        excess = np.maximum(share - most, F4(0))
+        if excess.any():
+            loss = -float(F4(tuning.discord_odds) / (F4(1) - most))
+            cv2.scaleAdd(self.at_all_nodes(excess), loss, self.log_odds[inner],
+                         dst=self.log_odds[inner])
+
+    def remove_islands(self, views, planes):
+        """Distrust surfaces that are smaller than `matching.min_segment`."""
+        least_nodes = self.settings.matching.min_segment // 4
+        if least_nodes > 1:
+            remove_islands(*planes, self.log_odds, views.left.s, F4(self.tuning.bright),
+                           *self.grid.nodes, F4(self.tuning.continuous), least_nodes, *self.segments)
+
+    def find_hidden(self, planes):
+        """Mark nodes whose place in the right image shows a more trusted surface."""
+        if self.settings.matching.occlusion_test:
+            d, a, _ = planes
+            find_hidden(d, a, self.log_odds, *self.grid.nodes, self.grid.width,
+                        F4(self.tuning.separate), self.hidden, *self.owners)
+
+    def settle(self, views, planes):
+        """Return standard deviation, final log-odds and reason of every node."""
+        color, verdict = self.settings.color, self.verdict
+        settle(planes.d, planes.variance, self.evidence, planes.cost, self.log_odds, self.hidden,
+               views.left.peak, views.left.s, *self.grid.nodes, self.limits,
+               F4(color.saturation_level - 1), F4(color.min_signal), F4(self.tuning.hidden_odds),
+               F4(self.tuning.vague_std), verdict.std, verdict.log_odds, verdict.reason)
+        return verdict
+
+    def doubt_repetitions(self, clear_share, verdict):
+        """
+        Trust no node more than that no repetition of the pattern was taken for its match.
+
+        That is decided for whole surfaces: where a repetition costs about as much at many nodes,
+        it may have won at all of them.
+
+        """
+        odds = np.interp(self.at_all_nodes(clear_share), self.repetition.clear_shares,
+                         self.repetition.odds).astype(F4)
+        rows, columns = self.grid.inner
+        framed = np.s_[rows, columns.start - 1:columns.stop + 1]  # `settle` repeats the borders
+        np.minimum(verdict.log_odds[framed], np.pad(odds, ((0, 0), (1, 1)), 'edge'),
+                   out=verdict.log_odds[framed])
+        # nodes that have no range because the pattern repeats get that reason
+        reason = verdict.reason[self.grid.inner]
+        wrong_period = [Status[name] for name in self.repetition.reasons]
+        reason[(odds < self.least_odds) & np.isin(reason, wrong_period)] = Status.AMBIGUOUS
+
+
+def log_odds(probability, least):
+    """Return the log-odds of a probability 0..1, float32; it counts as least .. 1 - least."""
+    p = min(max(probability, least), 1 - least)
+    return F4(math.log(p / (1 - p)))
