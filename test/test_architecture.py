@@ -68,7 +68,7 @@ LATE = {'mitsuba', 'rosbags', 'scipy'}
 KERNELS = [name for name in SOURCES if name.endswith('kernels.py')]
 COMPILED = [name for name in SOURCES if name.startswith('core/compiled/')]
 ENCODING = re.compile(r'(rgb8|bgr8|rgba8|bgra8|mono8|mono16|32FC1|16UC1|bayer_.*)$')
-ENCODING_ROOMS = {'messages', 'parameters', 'nodes', 'bench', 'demo'}
+ENCODING_ROOMS = {'messages', 'parameters', 'recordings', 'nodes', 'bench', 'demo'}
 
 
 def dotted(name):
