@@ -111,6 +111,7 @@ def test_a_figure_is_kept_even_if_it_misses_its_goal():
         ('good', 'at most 2', '0 .. 2'), ('bad', 'at least 0 and at most 2', '4 rounds')]
 
 
+@pytest.mark.processes  # git says the revision
 def test_the_figures_are_written_with_revision_and_versions(tmp_path):
     kept = []
     proof.Figures('test_x', kept)('error', 0.5, 'px', over=range(2), at_most=1)
