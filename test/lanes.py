@@ -45,6 +45,7 @@ def imported(nodes, package):
             yield from (f'{module}.{alias.name}' for alias in node.names)
 
 
+@lru_cache(maxsize=None)
 def file_of(module):
     """Return the file of a module of this package or of the tests, or None."""
     if module.split('.')[0] == PACKAGE.name:
@@ -70,11 +71,18 @@ def slow_imports(path):
         if path in seen:
             continue
         seen.add(path)
-        for module in imported(tree_of(path).body, package_of(path)):
-            if is_slow_import(module):
-                found.add(module)
-            waiting += filter(None, map(file_of, packages_of(module)))
+        slow, files = first_imports(path)
+        found |= slow
+        waiting += files
     return found
+
+
+@lru_cache(maxsize=None)
+def first_imports(path):
+    """Return what a file itself imports: of ROS and the simulator, and files of ours."""
+    modules = list(imported(tree_of(path).body, package_of(path)))
+    names = {name for module in modules for name in packages_of(module)}
+    return set(filter(is_slow_import, modules)), set(map(file_of, names)) - {None}
 
 
 def package_of(path):
@@ -98,13 +106,12 @@ def needs_more_than_a_process(path, name):
         origin = origins(path).get(name)
         if origin:
             waiting.append((origin, name))
-        node = definitions(path).get(name)
-        if node is None:
+        if name not in definitions(path):
             continue
-        if any(is_slow_import(module) or module in STARTERS
-               for module in imported(ast.walk(node), '')):
+        if imports_inside(path, name) & STARTERS or any(map(is_slow_import,
+                                                            imports_inside(path, name))):
             return True
-        waiting += [(path, used) for used in names_in(node)]
+        waiting += [(path, used) for used in names_in(path, name)]
     return False
 
 
@@ -149,8 +156,16 @@ def always_used(path):
             and any('autouse=True' in ast.unparse(line) for line in node.decorator_list)]
 
 
-def names_in(node):
+@lru_cache(maxsize=None)
+def imports_inside(path, name):
+    """Return the modules that a definition of a file imports itself."""
+    return set(imported(ast.walk(definitions(path)[name]), ''))
+
+
+@lru_cache(maxsize=None)
+def names_in(path, name):
     """Return the names that a definition uses, arguments and names of fixtures included."""
+    node = definitions(path)[name]
     return {inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name)} | {
         inner.arg for inner in ast.walk(node) if isinstance(inner, ast.arg)} | {
         inner.value for line in getattr(node, 'decorator_list', []) for inner in ast.walk(line)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The names inside a sample folder: `color_stereo sample` fills it, `color_stereo demo` plays it."""
+"""The names inside a sample folder: the command sample fills it, the command demo plays it."""
 
 RECORDING = 'recording'
 TRUTH = 'truth.npz'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one way to write results: beside the name first, then renamed, so nothing is half written."""
+"""The one way to write results: beside the name first, then renamed, so none is half written."""
 
 from contextlib import contextmanager
 import os

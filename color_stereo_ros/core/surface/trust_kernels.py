@@ -9,8 +9,7 @@ from ..compiled.bands import band, banded, BANDS, serial
 from ..compiled.parts import part
 from ..compiled.stack import LENGTH, stack_row
 from ..status_codes import (
-    AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED,
-    VALID)
+    AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
 from .grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
 
 CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
