@@ -7,7 +7,7 @@ COLOR_STEREO := .venv/bin/color_stereo
 # Nothing that runs here is meant to be seen by, or to see, another machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test bench evaluate floor tables clean
+.PHONY: help demo quick test proof bench evaluate floor tables clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
@@ -16,9 +16,17 @@ demo:  ## play the sample recordings through both nodes, show what comes out in 
 	@.ci/setup ros,tools
 	@$(COLOR_STEREO) demo
 
+quick:  ## run the tests that need no processes, no ROS and no simulator: within a minute
+	@.ci/setup tools,test
+	@$(PYTHON_RUN) -m pytest --quick
+
 test:  ## run all tests, the colcon build included
 	@.ci/setup ros,tools,sim,test
 	@$(PYTHON_RUN) -m pytest
+
+proof:  ## run the tests that gain from length at full length, figures in proof_output/proof.json
+	@.ci/setup ros,tools,sim,test
+	@$(PYTHON_RUN) -m pytest --proof
 
 bench:  ## measure times, beside OpenCV's matchers
 	@.ci/setup ros,tools
@@ -39,5 +47,5 @@ tables:  ## make the tables in README and docs anew from the code
 
 clean:  ## remove everything that the other targets made
 	rm -rf .venv .venv-floor build install log demo_output evaluation_output bench_output \
-	  render_output process_output .pytest_cache .numba_cache *.egg-info
+	  render_output process_output proof_output .pytest_cache .numba_cache *.egg-info
 	find color_stereo_ros test -name __pycache__ -prune -exec rm -rf {} +

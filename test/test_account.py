@@ -9,7 +9,7 @@ from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ColorStereo, Settings, Status, StereoCalibration
 from color_stereo_ros.core.account import (
     doubts_about_images, doubts_about_result, main_reason, status_shares)
-from color_stereo_ros.files.atomic import write_image
+from color_stereo_ros.files.image import write_image
 
 SHAPE = 6, 8
 SURFACE = {**PAPER, 'matching.method': 'surface'}

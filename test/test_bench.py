@@ -129,6 +129,7 @@ def test_the_median_of_all_rounds_counts():
     assert summary(answers) == {'median': 2.0, 'least': 1.0, 'stages': {'colors': 1.0}}
 
 
+@pytest.mark.processes
 def test_processes_take_times_of_both_methods_and_of_opencv(tmp_path):
     contenders = [Contender('surface', SMALL, 64), Contender('paper', SMALL, 64),
                   Contender('bm', SMALL, 64), Contender('sgbm', SMALL, 64),

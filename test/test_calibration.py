@@ -184,11 +184,21 @@ def test_an_impossible_pair_is_refused(index, value, message):
 
 
 @pytest.mark.parametrize('changes, message', [
-    (dict(binning_x=2), 'left binning_x = 2: a part of the image or a coarser one'),
-    (dict(roi=SimpleNamespace(x_offset=0, y_offset=16)), 'left roi.y_offset = 16')])
+    (dict(binning_x=2), 'left binning_x = 2 is not supported, expected 0 or 1'),
+    (dict(binning_y=4), 'left binning_y = 4 is not supported'),
+    (dict(roi=SimpleNamespace(x_offset=0, y_offset=16)), r'left roi = 0 x 0 px at \(0, 16\)'),
+    (dict(roi=SimpleNamespace(x_offset=0, y_offset=0, width=320, height=480)),
+     r'left roi = 320 x 480 px at \(0, 0\) is not supported, expected the whole image')])
 def test_binned_and_cut_images_are_refused(changes, message):
     with pytest.raises(CalibrationError, match=message):
         StereoCalibration.from_camera_info(camera_info(**changes), RIGHT)
+
+
+def test_the_whole_image_may_be_written_as_a_window_without_a_size_or_of_the_size_of_the_image():
+    for width, height in ((0, 0), (640, 480)):
+        info = camera_info(roi=SimpleNamespace(x_offset=0, y_offset=0, width=width,
+                                               height=height))
+        assert StereoCalibration.from_camera_info(info, RIGHT).left.width == 640
 
 
 def test_no_binning_may_be_written_as_zero_or_one():

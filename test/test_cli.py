@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `color_stereo`: it finds, runs and explains its subcommands."""
 
-import os
 import subprocess
 import sys
 import types
@@ -14,7 +13,6 @@ from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import (
     CalibrationError, ImageError, make_pattern, RecordingError, Settings, SettingsError)
 from color_stereo_ros.core.settings import flat
-from color_stereo_ros.files.atomic import write_image, write_text, written_whole
 from color_stereo_ros.parameters.files import read_settings, settings_text
 
 
@@ -156,20 +154,3 @@ def test_the_pattern_command_writes_the_pattern(tmp_path):
     expected = make_pattern(Settings().updated(
         {'pattern.type': 'sweep', 'pattern.width': 64, 'pattern.height': 16}).pattern)
     assert np.array_equal(cv2.imread(str(path))[..., ::-1], expected)
-
-
-def test_an_image_of_unknown_format_is_refused(tmp_path):
-    with pytest.raises(ImageError, match='.png always works'):
-        write_image(tmp_path / 'picture.xyz', np.zeros((4, 4, 3), np.uint8))
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_file_is_never_half_written(tmp_path):
-    path = tmp_path / 'result.txt'
-    write_text(path, 'first')
-    with pytest.raises(ZeroDivisionError):
-        with written_whole(path) as partial:
-            partial.write_text('second, but')
-            raise ZeroDivisionError
-    assert path.read_text() == 'first'
-    assert os.listdir(tmp_path) == ['result.txt']

@@ -13,7 +13,8 @@ import pytest
 from scenes import SCENES
 
 from color_stereo_ros.cli import main as cli
-from color_stereo_ros.core import ImageError, RecordingError
+from color_stereo_ros.core import ColorStereoError, ImageError, RecordingError
+from color_stereo_ros.evaluation.datasets import load_folder
 from color_stereo_ros.files.image import read_image
 
 FLAT = SCENES / 'flat_350_hue1'
@@ -146,16 +147,42 @@ def test_a_missing_field_of_the_metadata_is_named(tmp_path, capfd, field):
     assert f'metadata.yaml has no field {field}' in said
 
 
-@pytest.mark.parametrize('seed', range(8))
-def test_a_recording_with_random_damage_is_one_line(tmp_path, capfd, seed):
+def test_a_recording_with_random_damage_is_one_line(tmp_path, capfd, effort, figures):
+    seeds = effort.seeds(8, 300)
     folder = Path(shutil.copytree(SAMPLE, tmp_path / 'recording'))
-    data = bytearray((folder / 'recording.mcap').read_bytes())
-    generator = np.random.default_rng(seed)
-    end = int(generator.integers(30, 2000))  # the index of the file, which is at its end
-    data[-end:-end + 8] = generator.integers(0, 256, 8, np.uint8).tobytes()
-    (folder / 'recording.mcap').write_bytes(data)
-    if cli.main(['convert', str(folder), str(tmp_path / 'result'), '--matching.method', 'paper',
-                 '--topics', 'depth/camera_info']):
-        said = capfd.readouterr().err.splitlines()[-1]
-        assert said.startswith('color_stereo: ') and str(folder) in said
-        assert not PYTHON_ONLY.search(said)
+    whole = (folder / 'recording.mcap').read_bytes()
+    refused = 0
+    for seed in seeds:
+        generator = np.random.default_rng(seed)
+        data = bytearray(whole)
+        end = int(generator.integers(30, 2000))  # the index of the file, which is at its end
+        data[-end:-end + 8] = generator.integers(0, 256, 8, np.uint8).tobytes()
+        (folder / 'recording.mcap').write_bytes(data)
+        if cli.main(['convert', str(folder), str(tmp_path / f'{seed}'), '--matching.method',
+                     'paper', '--topics', 'depth/camera_info']):
+            refused += 1
+            said = capfd.readouterr().err.splitlines()[-1]
+            assert said.startswith('color_stereo: ') and str(folder) in said
+            assert not PYTHON_ONLY.search(said)
+        shutil.rmtree(tmp_path / f'{seed}', ignore_errors=True)
+    figures('damaged recordings refused in one line', refused, 'recordings', over=seeds)
+
+
+@pytest.mark.parametrize('name', ['left.yaml', 'truth.npz', 'left.png'])
+def test_a_scene_with_random_damage_is_read_or_refused(scene, name, effort, figures):
+    seeds = effort.seeds(10, 2000)
+    whole = (scene / name).read_bytes()
+    refused = 0
+    for seed in seeds:
+        generator = np.random.default_rng(seed)
+        data = bytearray(whole)
+        start = int(generator.integers(len(data)))
+        stop = start + int(generator.integers(1, 9))
+        data[start:stop] = generator.integers(0, 256, generator.integers(9), np.uint8).tobytes()
+        (scene / name).write_bytes(data)
+        try:
+            load_folder(scene)
+        except ColorStereoError as error:
+            refused += 1
+            assert name in str(error) and not PYTHON_ONLY.search(str(error)), str(error)
+    figures(f'scenes with a damaged {name} refused', refused, 'scenes', over=seeds)

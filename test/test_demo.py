@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 from color_stereo_ros.cli import main as cli
-from color_stereo_ros.files.atomic import write_image
+from color_stereo_ros.files.image import write_image
 from color_stereo_ros.parameters.files import settings_text
 from color_stereo_ros.recordings.reading import Recording
 from color_stereo_ros.recordings.writing import write_recording

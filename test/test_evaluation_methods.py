@@ -119,6 +119,7 @@ def test_switches_come_from_the_settings_and_switch_something_off():
     assert common == {'color.equalize'}
 
 
+@pytest.mark.long
 def test_an_ablation_measures_the_whole_and_every_switch():
     scene = datasets.load_folder(SCENES / 'flat_350_hue1', LIMITS)
     rows = ablation.ablation([scene], 'paper', list, repeats=1)

@@ -15,6 +15,7 @@ from color_stereo_ros.core import PatternSettings
 from color_stereo_ros.evaluation import datasets, experiments, report
 from color_stereo_ros.evaluation.numbers import write_json
 
+pytestmark = pytest.mark.long
 LIMITS = {'range.min_depth': 0.22, 'range.max_depth': 0.62}
 PLAN = experiments.Plan(distances=(350,), materials=('white_cardboard',), complex=('prism',),
                         sweeps={}, repeats=1)

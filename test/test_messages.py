@@ -2,6 +2,7 @@
 """Messages to arrays and results to contents, bit for bit, without ROS."""
 
 import dataclasses
+from random import Random
 import struct
 
 from color_stereo_ros.errors import ImageError
@@ -311,6 +312,22 @@ def test_a_serialized_image_that_ends_too_early_is_refused(length):
     assert len(data) > 90
     with pytest.raises(ImageError, match='damaged'):
         reading.read_image(data[:length])
+
+
+def test_serialized_images_with_random_damage_are_read_or_refused(effort, figures):
+    seeds = effort.seeds(200, 50000)
+    whole, _ = serialized()
+    refused = 0
+    for seed in seeds:
+        random = Random(seed)
+        data = bytearray(whole)
+        for _ in range(random.randint(1, 8)):
+            data[random.randrange(len(data))] = random.randrange(256)
+        try:
+            messages.image_to_rgb(messages.read_image(bytes(data[:random.randint(1, 200)])))
+        except ImageError:
+            refused += 1
+    figures('serialized images with random damage refused', refused, 'images', over=seeds)
 
 
 def test_bytes_that_nobody_can_read_are_refused():

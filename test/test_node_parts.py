@@ -11,7 +11,6 @@ import threading
 from xml.etree import ElementTree
 
 from color_stereo_ros.core import RecordingError, Settings
-from color_stereo_ros.files import cloud as cloud_files
 from color_stereo_ros.files.cloud import save_cloud
 from color_stereo_ros.messages.calibration_watch import CalibrationWatch
 from color_stereo_ros.messages.synchronizer import Pair
@@ -423,7 +422,7 @@ def test_a_failed_write_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeyp
     def full(_):
         raise OSError(errno.ENOSPC, 'No space left on device')
 
-    monkeypatch.setattr(cloud_files.os, 'fsync', full)
+    monkeypatch.setattr(os, 'fsync', full)
     with pytest.raises(RecordingError, match='a.ply cannot be written: No space left on device'):
         save_cloud(tmp_path / 'a.ply', *cloud())
     assert [path.name for path in tmp_path.iterdir()] == ['a.ply']

@@ -44,16 +44,20 @@ def compiled_search(left, right, reach_x, reach_y, low, high, first=FIRST, count
 
 
 @pytest.mark.parametrize('reach_x, reach_y', [(0, 0), (4, 0), (1, 1), (2, 3), (12, 4)])
-def test_kernel_finds_the_minimum_of_the_papers_q(reach_x, reach_y):
-    left, right = random_colors(1), random_colors(2)
+def test_kernel_finds_the_minimum_of_the_papers_q(reach_x, reach_y, effort, figures):
+    seeds = effort.seeds(1, 40)
     low = np.zeros((HEIGHT, WIDTH), np.int32)
     high = np.full((HEIGHT, WIDTH), COUNT, np.int32)
-    winner, costs = compiled_search(left, right, reach_x, reach_y, low, high)
-    expected, expected_costs, _ = naive.search(left, right, FIRST, COUNT, reach_x, reach_y,
-                                               low, high)
-    np.testing.assert_array_equal(winner[..., 0], expected[..., 0])
-    np.testing.assert_array_equal(winner[..., 1], expected[..., 1])
-    assert_equal_costs(winner, costs, expected_costs, reach_x, reach_y)
+    for seed in seeds:
+        left, right = random_colors(2 * seed + 1), random_colors(2 * seed + 2)
+        winner, costs = compiled_search(left, right, reach_x, reach_y, low, high)
+        expected, expected_costs, _ = naive.search(left, right, FIRST, COUNT, reach_x, reach_y,
+                                                   low, high)
+        np.testing.assert_array_equal(winner[..., 0], expected[..., 0])
+        np.testing.assert_array_equal(winner[..., 1], expected[..., 1])
+        assert_equal_costs(winner, costs, expected_costs, reach_x, reach_y)
+    figures(f"paper's method: searches as the formulas, window {2 * reach_x + 1} x "
+            f'{2 * reach_y + 1}', len(seeds), 'searches', over=seeds)
 
 
 def assert_equal_costs(winner, costs, expected, reach_x, reach_y):

@@ -2,6 +2,8 @@
 """The surface method on pairs of known disparity: its precision, its honesty and its switches."""
 
 from concurrent.futures import ThreadPoolExecutor
+import os
+from pathlib import Path
 
 from color_stereo_ros.core import CameraModel, ColorStereo, Settings, Status, StereoCalibration
 from color_stereo_ros.core.cameras.rectification import raw_coordinates
@@ -82,6 +84,23 @@ def test_planes_are_found_to_a_twentieth_of_a_pixel(stereo, slope_x, slope_y):
     assert np.median(np.abs(error)) < 0.05
     assert np.abs(np.median(error)) < 0.015
     assert np.mean(np.abs(error) > 1) < 0.002
+
+
+def test_planes_of_any_direction_are_found_to_a_twentieth_of_a_pixel(stereo, effort, figures):
+    seeds = effort.seeds(3, 200)
+    medians, wrong, shares = [], [], []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        truth = plane(WIDTH, HEIGHT, rng.uniform(24, 36), *rng.uniform(-0.1, 0.1, 2))
+        error, share = errors(stereo.process(*pair_of(truth, seed=seed)), truth)
+        medians.append(np.median(np.abs(error)))
+        wrong.append(np.mean(np.abs(error) > 1))
+        shares.append(share)
+    figures('surface: planes, largest median error', max(medians), 'px', over=seeds, at_most=0.05)
+    figures('surface: planes, errors above 1 px', np.mean(wrong), 'of the ranges', over=seeds,
+            at_most=0.002)
+    figures('surface: planes, smallest density', min(shares), 'of what both see', over=seeds,
+            at_least=0.98)
 
 
 @pytest.mark.parametrize('slope', [0.05, STEEP, -STEEP])
@@ -194,10 +213,14 @@ def test_images_of_one_gray_give_no_range(stereo, level):
 
 @pytest.mark.parametrize('low, high, most', [
     (0, 256, 0.01), (0, 60, 0.01), (100, 140, 0.05), (0, 4, 0.01)])
-def test_noise_gives_hardly_any_range(stereo, low, high, most):
-    left, right = np.random.default_rng(5).integers(low, high, (2, HEIGHT, WIDTH, 3))
-    result = stereo.process(left.astype(np.uint8), right.astype(np.uint8))
-    assert result.density < most
+def test_noise_gives_hardly_any_range(stereo, low, high, most, effort, figures):
+    seeds = effort.seeds(2, 100)
+    densities = []
+    for seed in seeds:
+        left, right = np.random.default_rng(seed).integers(low, high, (2, HEIGHT, WIDTH, 3))
+        densities.append(stereo.process(left.astype(np.uint8), right.astype(np.uint8)).density)
+    figures(f'surface: noise of {low} .. {high - 1} DN, largest density', max(densities),
+            'of the pixels', over=seeds, at_most=most)
 
 
 def test_different_scenes_in_left_and_right_give_hardly_any_range(stereo):
@@ -216,15 +239,41 @@ def test_every_range_has_a_finite_standard_deviation(stereo, step):
 
 
 @pytest.mark.parametrize('kind', ['hue_field', 'sweep'])
-def test_errors_are_as_large_as_the_standard_deviation_says(kind):
+def test_errors_are_as_large_as_the_standard_deviation_says(kind, effort, figures):
     """Under a sweep the colors are averaged first, so that neighbors share their noise."""
+    seeds = effort.seeds(1, 100)
     truth = plane(256, 160, 20.0, 0.05, -0.03)
     sensor = ColorStereo(rig(256, 160), surface_settings(8, 36, pattern__type=kind))
-    result = sensor.process(*pair_of(truth, kind=kind))
     inner = np.s_[30:-30, 60:-30]
-    error = np.abs(result.disparity - truth)[inner] / result.disparity_std[inner]
-    assert np.isfinite(error).mean() > 0.9
-    assert 0.2 < np.nanmedian(error) < 1.2  # 0.67 if it were normal
+    ratios = []
+    for seed in seeds:
+        result = sensor.process(*pair_of(truth, kind=kind, seed=seed + 1))
+        ratios.append(np.abs(result.disparity - truth)[inner] / result.disparity_std[inner])
+        assert np.isfinite(ratios[-1]).mean() > 0.9
+    figures(f'surface: {kind}, median of |error| / standard deviation', np.nanmedian(ratios),
+            '(normal: 0.67)', over=seeds, at_least=0.2, at_most=1.2)
+
+
+def test_confident_ranges_beside_steps_are_right_and_doubtful_ones_more_often_wrong(
+        stereo, effort, figures):
+    seeds = effort.seeds(3, 100)
+    confidence, right = [], []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        far, near, first = rng.integers(8, 20), rng.integers(34, 50), rng.integers(90, 130)
+        *pair, truth, hidden = step_pair(WIDTH, HEIGHT, near, far, first, first + 70, seed)
+        result = stereo.process(*pair)
+        known = seen_by_both(truth) & ~hidden & np.isfinite(result.disparity)
+        confidence.append(result.confidence[known])
+        right.append(np.abs(result.disparity - truth)[known] < 1)
+    confidence, right = np.concatenate(confidence), np.concatenate(right)
+    sure = confidence > 0.99
+    figures('surface: steps, ranges of confidence > 0.99 within 1 px', np.mean(right[sure]),
+            'of them', over=seeds, at_least=0.97)
+    figures('surface: steps, ranges of lower confidence within 1 px', np.mean(right[~sure]),
+            'of them', over=seeds, at_most=0.9)
+    figures('surface: steps, mean confidence minus share within 1 px',
+            np.mean(confidence) - np.mean(right), '', over=seeds, at_most=0.05)
 
 
 @pytest.mark.parametrize('step_x', [2, 1])
@@ -275,6 +324,21 @@ def test_images_of_any_size_are_measured(width, height, tolerance):
 def test_images_too_small_to_measure_do_no_harm(width, height):
     result = sensor(width, height, (1, 4)).process(*plane_pair(width, height, 2.0))
     assert result.status.shape == (height, width)
+
+
+def test_no_size_of_the_images_does_harm(effort, figures):
+    seeds = effort.seeds(4, 200)
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        width, height = (int(size) for size in rng.integers(8, 200, 2))
+        largest = max(2.0, min(60.0, 0.8 * width))
+        pair = rng.integers(0, 256, (2, height, width, 3)).astype(np.uint8)
+        result = sensor(width, height, (1.0, largest)).process(*pair)
+        assert result.disparity.shape == (height, width)
+        known = np.isfinite(result.disparity)
+        assert np.array_equal(known, result.status == Status.VALID)
+        assert (result.depth[known] > 0).all()
+    figures('surface: random sizes of 8 .. 199 px', len(seeds), 'sizes', over=seeds)
 
 
 def test_the_search_never_leaves_the_image():
@@ -487,12 +551,34 @@ def test_the_number_of_threads_does_not_matter(stereo, step):
     assert same_bytes(results[0], results[1]) and same_bytes(results[0], results[2])
 
 
-def test_threads_may_share_one_sensor(stereo):
+def test_the_memory_does_not_grow_with_the_number_of_pairs(stereo, step, effort, figures):
+    rounds = effort.count(40, 3000)
+    left, right, *_ = step
+    for _ in range(10):
+        stereo.process(left, right)
+    before = resident_memory()
+    for _ in range(rounds):
+        stereo.process(left, right)
+    figures('surface: growth of the resident memory', resident_memory() - before, 'MB',
+            over=rounds, at_most=16)  # a kept result has 0.7 MB
+
+
+def resident_memory():
+    """Return the resident memory of this process, MB."""
+    pages = int(Path('/proc/self/statm').read_text().split()[1])
+    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+
+def test_threads_may_share_one_sensor(stereo, effort, figures):
+    rounds = effort.count(6, 1000)
     pairs = [plane_pair(WIDTH, HEIGHT, disparity) for disparity in (10, 20)]
     alone = [stereo.process(*pair) for pair in pairs]
     with ThreadPoolExecutor(2) as pool:
-        together = list(pool.map(lambda pair: stereo.process(*pair), pairs * 3))
-    assert all(same_bytes(result, alone[k % 2]) for k, result in enumerate(together))
+        together = pool.map(lambda k: same_bytes(stereo.process(*pairs[k % 2]), alone[k % 2]),
+                            range(rounds))
+        different = rounds - sum(together)
+    figures('surface: two threads, results that differ', different, 'results', over=rounds,
+            at_most=0)
 
 
 def repeating_pair(disparity, ambient=0, shade=np.ones_like):

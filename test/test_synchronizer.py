@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pairing by stamp, with plain objects."""
 
+from random import Random
 import threading
 
 from color_stereo_ros.messages.synchronizer import LatestSlot, Synchronizer
@@ -122,6 +123,36 @@ def test_lost_frames_never_mix_pairs():
             rig.feed(('right', index * 33 + 1))
     assert rig.pairs == [(33 * i, 33 * i + 1) for i in range(200) if i % 7 and i % 11]
     assert rig.accounted()
+
+
+@pytest.mark.parametrize('tolerance, most', [(0.014, 0), (0.0, 1e-4)])
+def test_random_losses_delays_and_order_do_not_mix_pairs(tolerance, most, effort, figures):
+    """The adaptive tolerance (0.0) may take the period of a stream with many gaps for double."""
+    seeds = effort.seeds(20, 5000)
+    mixed = lost = pairs = 0
+    for seed in seeds:
+        random = Random(seed)
+        rig = Rig(queue_size=16, tolerance=tolerance)
+        rig.stream(5)  # the period is known
+        skew = random.uniform(-10, 10)
+        arrivals = []  # when, side, frame: each message is late by up to three frames
+        for index in range(5, 105):
+            for side in ('left', 'right'):
+                if random.random() > 0.1:
+                    arrivals.append((index + random.choice((0, 0, 0, random.uniform(0, 3))),
+                                     side, index))
+        for _, side, index in sorted(arrivals):
+            rig.feed((side, 33 * index + (skew if side == 'right' else 0)))
+        mixed += sum(round(left / 33) != round((right - skew) / 33)
+                     for left, right in rig.pairs[5:])
+        pairs += len(rig.pairs)
+        lost += not rig.accounted()
+        stamps = [left for left, _ in rig.pairs]
+        assert stamps == sorted(set(stamps)) or rig.sync.report().jumps
+    name = f'pairing, tolerance {tolerance} s' if tolerance else 'pairing, adaptive tolerance'
+    figures(f'{name}: pairs of different frames', mixed / pairs, 'of the pairs', over=seeds,
+            at_most=most)
+    figures(f'{name}: streams with unaccounted messages', lost, 'streams', over=seeds, at_most=0)
 
 
 def test_bursts_pair_completely_as_long_as_the_queue_holds_them():

@@ -15,7 +15,7 @@ def add_arguments(parser):
 def run(args):
     """Write the pattern of the command line's settings."""
     from ..core import make_pattern
-    from ..files.atomic import write_image
+    from ..files.image import write_image
     from .arguments import settings_from
     settings = settings_from(args).pattern
     write_image(args.output, make_pattern(settings))

@@ -97,8 +97,8 @@ def write_result(folder, result, limits):
     import numpy as np
 
     from ..core.false_color import false_color
-    from ..files.atomic import write_image
     from ..files.cloud import save_cloud
+    from ..files.image import write_image
     from ..messages.outputs import millimeters
     images = {
         'depth_mm.png': millimeters(result.depth),

@@ -128,21 +128,13 @@ def write_folder(output, renderings, scene, pattern, values, overwrite=False):
         If OUTPUT exists and is not to be replaced, or is no earlier rendering.
 
     """
-    import os
-    from pathlib import Path
-    import tempfile
-
+    from ..files.atomic import folder_written_whole
     _check_replaceable(output, overwrite)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f'.{output.name}.', dir=output.parent) as temporary:
-        unfinished = Path(temporary) / output.name
+    with folder_written_whole(output, replace=overwrite) as unfinished:
         for frame, rendering in enumerate(renderings):
             folder = unfinished / f'{frame:04d}' if scene.frames > 1 else unfinished
             folder.mkdir(parents=True)
             _write_rendering(folder, rendering, scene, pattern, values)
-        if output.exists():
-            output.rename(unfinished.with_name('replaced'))
-        os.replace(unfinished, output)
 
 
 def _check_replaceable(output, overwrite):
@@ -158,7 +150,7 @@ def _check_replaceable(output, overwrite):
 def _write_rendering(folder, rendering, scene, pattern, values):
     import numpy as np
 
-    from ..files.atomic import write_image
+    from ..files.image import write_image
     from ..parameters.files import settings_text
     for side in ('left', 'right'):
         camera = getattr(scene.rig, side)

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo sample`: pack a pair of images, its truth and its settings into a sample."""
 
-SUMMARY = 'pack a scene folder into a sample: recording, truth and settings'
+from ..demo.layout import RECORDING, SETTINGS, TRUTH
 
-RECORDING = 'recording'
-TRUTH = 'truth.npz'
-SETTINGS = 'settings.yaml'
+SUMMARY = 'pack a scene folder into a sample: recording, truth and settings'
 
 MOST_PAIRS = 10000
 LONGEST_PERIOD = 3600.0  # s

@@ -11,17 +11,18 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 
-from ..cli import sample
 from ..core import RangeResult, RecordingError, Settings, StereoCalibration
 from ..core.triangulation import disparity_from_depth, disparity_limits
 from ..evaluation.datasets import load_truth
-from ..files.atomic import write_bytes, write_image, write_text
+from ..files.atomic import write_bytes, write_text
 from ..files.cloud import save_cloud
+from ..files.image import write_image
 from ..messages.outputs import millimeters
 from ..messages.reading import image_to_rgb
 from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
 from ..parameters.files import read_settings
 from ..recordings.reading import Recording
+from .layout import RECORDING, SETTINGS, TRUTH
 from .page import depth_preview, make_page, Measurement, one_line, overview, surface_limits
 from .plots import surface_plot
 
@@ -60,9 +61,9 @@ class Demo:
     """
 
     def __init__(self, samples, output, wait):
-        self.samples = sorted(path.parent for path in samples.glob(f'*/{sample.RECORDING}'))
+        self.samples = sorted(path.parent for path in samples.glob(f'*/{RECORDING}'))
         if not self.samples:
-            raise RecordingError(f'{samples}: holds no folder with a {sample.RECORDING}')
+            raise RecordingError(f'{samples}: holds no folder with a {RECORDING}')
         self.output = output
         self.wait = wait
         self._start = time.monotonic()
@@ -81,7 +82,7 @@ class Demo:
                 f'Python {platform.python_version()}.')
         first = self.samples[0]
         write_text(page, make_page(measurements, made, COMMANDS.format(
-            recording=first / sample.RECORDING, settings=first / sample.SETTINGS)))
+            recording=first / RECORDING, settings=first / SETTINGS)))
         return page
 
     def _make_room(self):
@@ -98,9 +99,9 @@ class Demo:
 
     def _measure(self, node, folder):
         """Return the measurement of one sample and write its files."""
-        left, right, calibration = first_pair(folder / sample.RECORDING)
-        truth = load_truth(folder / sample.TRUTH)
-        settings = Settings().updated(read_settings(folder / sample.SETTINGS))
+        left, right, calibration = first_pair(folder / RECORDING)
+        truth = load_truth(folder / TRUTH)
+        settings = Settings().updated(read_settings(folder / SETTINGS))
         messages, pattern, seconds = self._play(node, folder)
         result = result_from(messages, calibration, settings)
         measurement = Measurement(
@@ -116,14 +117,14 @@ class Demo:
         name = folder.name
         collector = Collector(node, name, OUTPUTS)
         patterns = latched(node, Image, f'/{name}/pattern/image')
-        ros = ('--ros-args', '-r', f'__ns:=/{name}', '--params-file', folder / sample.SETTINGS)
+        ros = ('--ros-args', '-r', f'__ns:=/{name}', '--params-file', folder / SETTINGS)
         with Processes(self.output / LOG) as processes:
             self._say(f'{name}: starting pattern_node and range_node, playing the recording')
             processes.start(f'{name}_pattern_node', 'color_stereo_ros.nodes.pattern_node', *ros)
             started = time.monotonic()
             processes.start(f'{name}_range_node', 'color_stereo_ros.nodes.range_node', *ros)
             processes.start(f'{name}_replay', 'color_stereo_ros.cli.main', 'replay',
-                            folder / sample.RECORDING, '--loop', '--namespace', name)
+                            folder / RECORDING, '--loop', '--namespace', name)
             self._wait(node, processes, name, lambda: patterns and collector.complete_set(),
                        collector, patterns)
             seconds = time.monotonic() - started

@@ -10,16 +10,14 @@ file as in `config/*.yaml` or its groups alone (`range: {min_depth: 0.22, max_de
 
 from dataclasses import asdict, dataclass
 import math
-import os
 from pathlib import Path
-import tempfile
 
-import cv2
 import numpy as np
 import yaml
 
 from ..core import ColorStereoError, ImageError, RecordingError, Settings, StereoCalibration
-from ..files.image import read_image
+from ..files.atomic import folder_written_whole
+from ..files.image import read_image, write_image
 from ..files.yaml import load_yaml, UnreadableError
 from ..parameters.files import read_settings, settings_text
 from .metrics import Truth
@@ -142,14 +140,10 @@ def save_folder(scene, path):
         Folder; appears only when it is complete.
 
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent) as temporary:
-        folder = Path(temporary) / path.name
+    with folder_written_whole(path) as folder:
         folder.mkdir()
         for side in ('left', 'right'):
-            image = cv2.cvtColor(getattr(scene, side), cv2.COLOR_RGB2BGR)
-            cv2.imwrite(str(folder / f'{side}.png'), image)
+            write_image(folder / f'{side}.png', getattr(scene, side))
         scene.calibration.to_yaml(folder / 'left.yaml', folder / 'right.yaml')
         np.savez_compressed(folder / 'truth.npz', depth=scene.truth.depth,
                             visible=scene.truth.visible)
@@ -158,7 +152,6 @@ def save_folder(scene, path):
             cameras = {side: _plain(noise)
                        for side, noise in zip(('left', 'right'), scene.noise)}
             (folder / 'noise.yaml').write_text(yaml.safe_dump(cameras))
-        os.replace(folder, path)
 
 
 def _plain(noise):

@@ -2,7 +2,8 @@
 """The figures as files, and by their names."""
 
 import json
-import os
+
+from ..files.atomic import write_text
 
 
 def figure_of(figures, key):
@@ -31,11 +32,4 @@ def figure_of(figures, key):
 
 def write_json(path, records, facts):
     """Write all records and facts as one JSON file; what cannot be had is null."""
-    write_whole(path, json.dumps({'facts': facts, 'records': records}, indent=1, default=float))
-
-
-def write_whole(path, text):
-    """Write a text file as a whole or not at all."""
-    temporary = path.with_name(path.name + '.part')
-    temporary.write_text(text, encoding='utf-8')
-    os.replace(temporary, path)
+    write_text(path, json.dumps({'facts': facts, 'records': records}, indent=1, default=float))

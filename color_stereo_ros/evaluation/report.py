@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 
 from .. import __version__
+from ..files.atomic import write_text
 from . import plots
 from .experiments import ERROR_COLORS, SWEEP_SCENE, SWEEPS, TABLE_31, TABLE_32
-from .numbers import figure_of, write_whole
+from .numbers import figure_of
 from .opencv_matchers import METHODS as OPENCV
 from .plots import label_of
 
@@ -105,7 +106,7 @@ def write_report(path, laboratory, records, facts):
     sections = [page.summary(), page.table_31(), page.table_32(), page.channels(), page.ridge(),
                 page.paper_object(), page.complex_scenes(), page.trust(), page.sweeps(),
                 page.colophon(facts)]
-    write_whole(path, HTML.format(css=CSS, body='\n'.join(filter(None, sections))))
+    write_text(path, HTML.format(css=CSS, body='\n'.join(filter(None, sections))))
 
 
 HTML = '''<!DOCTYPE html>

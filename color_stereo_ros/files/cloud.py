@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colored points as PLY or PCD files, whole or not at all."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import RecordingError
+from .atomic import write_bytes
 
 _PLY = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'),
                  ('red', 'u1'), ('green', 'u1'), ('blue', 'u1')])
@@ -43,7 +43,10 @@ def save_cloud(path, points, colors):
         raise RecordingError(f'{path} ends in {path.suffix!r}, expected .ply or .pcd')
     known = np.isfinite(points).all(axis=2)
     content = encoders[path.suffix](points[known], colors[known])
-    _replace(path, content)
+    try:
+        write_bytes(path, content, make_folders=False, durable=True)
+    except OSError as error:
+        raise RecordingError(f'{path} cannot be written: {error.strerror or error}') from error
     return int(np.count_nonzero(known))
 
 
@@ -68,20 +71,3 @@ def _pcd_bytes(points, colors):
               'SIZE 4 4 4 4', 'TYPE F F F U', 'COUNT 1 1 1 1', f'WIDTH {len(points)}', 'HEIGHT 1',
               'VIEWPOINT 0 0 0 1 0 0 0', f'POINTS {len(points)}', 'DATA binary', '']
     return '\n'.join(header).encode('ascii') + vertices.tobytes()
-
-
-def _replace(path, content):
-    """Write by way of a temporary file beside the path, which is removed after a failure."""
-    temporary = path.with_name(f'.{path.name}.{os.getpid()}')
-    try:
-        with open(temporary, 'wb') as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        try:
-            temporary.unlink(missing_ok=True)
-        except OSError:
-            pass  # the directory itself is unusable, which the error below says
-        raise RecordingError(f'{path} cannot be written: {error.strerror or error}') from error

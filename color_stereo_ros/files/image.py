@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read image files; a damaged one is refused as a whole, with the reason."""
+"""Image files: a damaged one is refused as a whole, with the reason; none is half written."""
 
 from contextlib import contextmanager
 import os
@@ -7,10 +7,10 @@ from pathlib import Path
 import sys
 import tempfile
 
-import cv2
 import numpy as np
 
 from ..errors import ImageError, RecordingError
+from .atomic import write_bytes
 
 HALF_READ = ('premature', 'corrupt')
 """Words by which a decoder tells that it has filled up what the file does not hold."""
@@ -37,11 +37,26 @@ def read_image(path):
         If it is no image, or a damaged one.
 
     """
+    import cv2
     return cv2.cvtColor(read_image_as_is(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
 
 
-def read_image_as_is(path, flags=cv2.IMREAD_UNCHANGED):
-    """Return an image file as OpenCV decodes it, BGR; errors as for `read_image`."""
+def read_image_as_is(path, flags=-1):
+    """
+    Return an image file as OpenCV decodes it, BGR; errors as for `read_image`.
+
+    Parameters
+    ----------
+    path : path-like
+    flags : int
+        Of cv2.imdecode; the default is cv2.IMREAD_UNCHANGED.
+
+    Returns
+    -------
+    image : numpy.ndarray
+
+    """
+    import cv2
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -58,6 +73,35 @@ def read_image_as_is(path, flags=cv2.IMREAD_UNCHANGED):
     if _is_cut_off_jpeg(data) or any(word in complaints[0].lower() for word in HALF_READ):
         raise ImageError(f'{path}: damaged or only half written')
     return image
+
+
+def write_image(path, image):
+    """
+    Write an image file of the format that its suffix says.
+
+    Parameters
+    ----------
+    path : str or Path
+    image : numpy.ndarray, shape (H, W) or (H, W, 3)
+        Colors in RGB.
+
+    Raises
+    ------
+    ImageError
+        If OpenCV knows no format of that suffix, or the format cannot hold such an image.
+
+    """
+    import cv2
+    suffix = Path(path).suffix
+    pixels = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
+    try:
+        written, encoded = cv2.imencode(suffix, pixels)
+    except cv2.error:
+        written = False
+    if not written:
+        raise ImageError(f'{path}: cannot be written as {suffix or "a file without suffix"}; '
+                         '.png always works')
+    write_bytes(path, encoded.tobytes())
 
 
 def _is_cut_off_jpeg(data):

@@ -87,8 +87,6 @@ class CalibrationWatch:
         self._settling = None
         left, right = (self._infos[side] for side in SIDES)
         try:
-            for side in SIDES:
-                _check_whole_image(side, self._infos[side])
             self.calibration = StereoCalibration.from_camera_info(left, right)
             self.error = None
             self.changes += 1
@@ -105,21 +103,6 @@ def _content(info):
     return (info.header.frame_id, info.width, info.height, info.distortion_model,
             *(bytes(memoryview(getattr(info, name))) for name in 'dkrp'),
             info.binning_x, info.binning_y, roi.x_offset, roi.y_offset, roi.width, roi.height)
-
-
-def _check_whole_image(side, info):
-    """Refuse binning and windows: the calibration would not be that of the image."""
-    for name in ('binning_x', 'binning_y'):
-        value = getattr(info, name)
-        if value > 1:
-            raise CalibrationError(f'{side} {name} = {value} is not supported, expected 0 or 1: '
-                                   'calibrate the images as they are sent')
-    roi = info.roi
-    window = (roi.x_offset, roi.y_offset, roi.width, roi.height)
-    if window not in ((0, 0, 0, 0), (0, 0, info.width, info.height)):
-        raise CalibrationError(
-            f'{side} roi = {roi.width} x {roi.height} px at ({roi.x_offset}, {roi.y_offset}) is '
-            'not supported, expected the whole image: calibrate the images as they are sent')
 
 
 def _oddities(left, right):

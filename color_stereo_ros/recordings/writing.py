@@ -8,11 +8,10 @@ whole.
 """
 
 from contextlib import contextmanager
-import os
 from pathlib import Path
-import tempfile
 
 from ..errors import RecordingError
+from ..files.atomic import folder_written_whole
 from ..messages.contents import camera_info, Header, image
 from .types import serialized, typestore
 
@@ -41,15 +40,10 @@ def write_recording(path, *, overwrite=False):
     """
     path = Path(path)
     check_writable(path, overwrite)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # The folder of the same name inside a temporary one: the file in it is named after it.
-    with tempfile.TemporaryDirectory(prefix=f'.{path.name}.', dir=path.parent) as temporary:
-        unfinished = Path(temporary) / path.name
+    # The unfinished folder has the final name: the file in it is named after it.
+    with folder_written_whole(path, replace=overwrite) as unfinished:
         with _open_writer(unfinished) as writer:
             yield RecordingWriter(writer)
-        if path.exists():
-            path.rename(Path(temporary) / 'replaced')
-        os.replace(unfinished, path)
 
 
 def check_writable(path, overwrite):

@@ -3,13 +3,13 @@
 
 from dataclasses import dataclass, fields
 import hashlib
-import os
 from pathlib import Path
 
 import numpy as np
 
 from color_stereo_ros.core.cameras.calibration import StereoCalibration
 from color_stereo_ros.errors import ImageError
+from color_stereo_ros.files.atomic import written_whole
 
 from .electronics import expose, exposures_for
 from .transport import direct_image, DirectLight, indirect_image, sample_direct, World
@@ -161,11 +161,9 @@ class Renderer:
             with np.load(path) as content:
                 return kind(**{field.name: content[field.name] for field in fields(kind)})
         value = compute()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f'.{path.stem}.{os.getpid()}.npz')
-        np.savez(temporary, **{field.name: getattr(value, field.name)
-                               for field in fields(kind)})
-        os.replace(temporary, path)
+        with written_whole(path) as partial:
+            np.savez(partial, **{field.name: getattr(value, field.name)
+                                 for field in fields(kind)})
         return value
 
 

@@ -16,17 +16,9 @@ import math
 from numba import get_num_threads, njit, prange
 import numpy as np
 
-from ..status import Status
+from ..status_codes import (
+    AMBIGUOUS, DARK, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED, VALID)
 from .tuning import TUNING
-
-VALID = int(Status.VALID)
-OUTSIDE_IMAGE = int(Status.OUTSIDE_IMAGE)
-DARK = int(Status.DARK)
-SATURATED = int(Status.SATURATED)
-NO_MATCH = int(Status.NO_MATCH)
-AMBIGUOUS = int(Status.AMBIGUOUS)
-INCONSISTENT = int(Status.INCONSISTENT)
-OUT_OF_RANGE = int(Status.OUT_OF_RANGE)
 
 # Constants of `tuning`, compiled into the kernels.
 COST_UNIT = TUNING.search.cost_unit

@@ -6,8 +6,9 @@ import numpy as np
 from ..compiled.bands import band, banded
 from ..compiled.parts import part
 from ..compiled.stack import stack_row
+from ..status_codes import INCONSISTENT, OUT_OF_RANGE, VALID
 from .grid_kernels import F4, FAST, NAN, PAD, TILE_COLUMNS
-from .trust_kernels import HOPELESS, INCONSISTENT, LEAST_ODDS, MOST_ODDS, OUT_OF_RANGE, VALID
+from .trust_kernels import HOPELESS, LEAST_ODDS, MOST_ODDS
 from .tuning import TUNING
 
 OWN_SHARE = F4(TUNING.pixels.own_share)  # compiled into the kernels

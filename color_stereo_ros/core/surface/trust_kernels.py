@@ -8,7 +8,8 @@ import numpy as np
 from ..compiled.bands import band, banded, BANDS, serial
 from ..compiled.parts import part
 from ..compiled.stack import LENGTH, stack_row
-from ..status import Status
+from ..status_codes import (
+    AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
 from .grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
 from .tuning import TUNING
 
@@ -28,15 +29,6 @@ UNMATCHED = F4(TUNING.trust.unmatched_share)
 SEPARATE_SLOPE = F4(TUNING.trust.separate_slope)
 LEAST_REACH, MOST_REACH = (F4(TUNING.trust.footprint_limits[0]),
                            F4(TUNING.trust.footprint_limits[1]))
-VALID = np.uint8(Status.VALID)
-OUTSIDE_IMAGE = np.uint8(Status.OUTSIDE_IMAGE)
-DARK = np.uint8(Status.DARK)
-SATURATED = np.uint8(Status.SATURATED)
-NO_MATCH = np.uint8(Status.NO_MATCH)
-AMBIGUOUS = np.uint8(Status.AMBIGUOUS)
-INCONSISTENT = np.uint8(Status.INCONSISTENT)
-OUT_OF_RANGE = np.uint8(Status.OUT_OF_RANGE)
-IMPLAUSIBLE = np.uint8(Status.IMPLAUSIBLE)
 
 
 @serial(fastmath=FAST)
@@ -343,7 +335,7 @@ def settle(k, d, variance, evidence, cost, log_odds, hidden, peak, s, rows, colu
     (px): the standard deviation of a plane from which on the colors around a node are too uniform
     to tell. The standard deviation grows with the distance of the neighbors from the plane: there
     a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
-    it gets a frame of the nearest nodes left and right. reason takes the codes of types.Status.
+    it gets a frame of the nearest nodes left and right. reason takes the codes of Status.
 
     """
     too_vague = vague * vague

@@ -10,7 +10,7 @@ import pytest
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import RecordingError, StereoCalibration
 from color_stereo_ros.core.cameras.calibration import CameraModel
-from color_stereo_ros.files.atomic import write_image
+from color_stereo_ros.files.image import write_image
 from color_stereo_ros.messages.contents import CameraInfo, Image
 from color_stereo_ros.messages.reading import image_to_rgb, stamp_ns
 from color_stereo_ros.recordings.reading import Recording
@@ -164,6 +164,27 @@ def test_a_damaged_file_is_refused(recorded):
     content[60:460] = bytes(400)
     path.write_bytes(content)
     assert 'damaged or only half written' in refusal(recorded)
+
+
+def test_random_damage_is_refused_or_harmless(recorded, effort, figures):
+    seeds = effort.seeds(5, 500)
+    path = recorded / 'recorded.mcap'
+    whole = path.read_bytes()
+    refused = 0
+    for seed in seeds:
+        generator = np.random.default_rng(seed)
+        content = bytearray(whole)
+        start = int(generator.integers(len(content)))
+        content[start:start + 4] = generator.integers(0, 256, 4, np.uint8).tobytes()
+        path.write_bytes(content)
+        try:
+            with Recording(recorded) as recording:
+                for message in recording.messages():
+                    recording.decoded(message)
+        except RecordingError as error:
+            refused += 1
+            assert str(recorded) in str(error) and '\n' not in str(error)
+    figures('recordings with random damage refused', refused, 'recordings', over=seeds)
 
 
 def test_a_missing_file_is_named(recorded):

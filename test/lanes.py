@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which tests are quick: read from the source, so that nobody has to mark them.
+
+A module is not quick if importing it imports ROS or the simulator. A test of a quick module is not
+quick if it, its fixtures or the functions it calls start a process, or import one of the former.
+
+"""
+
+import ast
+from functools import lru_cache
+from pathlib import Path
+import sys
+
+TESTS = Path(__file__).resolve().parent
+PACKAGE = TESTS.parent / 'color_stereo_ros'
+ROS = {'rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs',
+       'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'stereo_msgs'}
+SIMULATOR = {'mitsuba', 'color_stereo_ros.sim'}
+STARTERS = frozenset({'subprocess', 'multiprocessing'})
+FORBIDDEN_EVENTS = {'subprocess.Popen', 'os.fork', 'os.forkpty', 'os.posix_spawn', 'os.exec'}
+
+
+def is_slow_import(module):
+    """Tell whether a module belongs to ROS or to the simulator."""
+    return module.split('.')[0] in ROS | SIMULATOR or any(
+        f'{module}.'.startswith(f'{name}.') for name in SIMULATOR)
+
+
+@lru_cache(maxsize=None)
+def tree_of(path):
+    """Return the syntax tree of a file."""
+    return ast.parse(path.read_text(encoding='utf-8'))
+
+
+def imported(nodes, package):
+    """Yield the full names of modules that import statements name, for a module of a package."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package.split('.')[:len(package.split('.')) - node.level + 1]
+            module = '.'.join(filter(None, [*(base if node.level else []), node.module]))
+            yield module
+            yield from (f'{module}.{alias.name}' for alias in node.names)
+
+
+@lru_cache(maxsize=None)
+def file_of(module):
+    """Return the file of a module of this package or of the tests, or None."""
+    if module.split('.')[0] == PACKAGE.name:
+        place = PACKAGE.joinpath(*module.split('.')[1:])
+    else:
+        place = TESTS / module
+    found = [path for path in (place / '__init__.py', place.with_suffix('.py')) if path.is_file()]
+    return found[0] if found else None
+
+
+def packages_of(module):
+    """Return a module and the packages that are imported before it."""
+    parts = module.split('.')
+    return ['.'.join(parts[:count]) for count in range(1, len(parts) + 1)]
+
+
+@lru_cache(maxsize=None)
+def slow_imports(path):
+    """Return what importing a file imports of ROS and of the simulator."""
+    found, seen, waiting = set(), set(), [path]
+    while waiting:
+        path = waiting.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        slow, files = first_imports(path)
+        found |= slow
+        waiting += files
+    return found
+
+
+@lru_cache(maxsize=None)
+def first_imports(path):
+    """Return what a file itself imports: of ROS and the simulator, and files of ours."""
+    modules = list(imported(tree_of(path).body, package_of(path)))
+    names = {name for module in modules for name in packages_of(module)}
+    return set(filter(is_slow_import, modules)), set(map(file_of, names)) - {None}
+
+
+def package_of(path):
+    """Return the package that relative imports of a file start from."""
+    if not path.is_relative_to(PACKAGE):
+        return ''
+    return '.'.join(path.parent.relative_to(PACKAGE.parent).parts)
+
+
+@lru_cache(maxsize=None)
+def needs_more_than_a_process(path, name):
+    """Tell whether a function of a test module, with all it uses, is not quick."""
+    seen, waiting = set(), [(path, name), *((path, own) for own in always_used(path))]
+    while waiting:
+        path, name = waiting.pop()
+        if (path, name) in seen:
+            continue
+        seen.add((path, name))
+        if name in imported_names(path, STARTERS):
+            return True
+        origin = origins(path).get(name)
+        if origin:
+            waiting.append((origin, name))
+        if name not in definitions(path):
+            continue
+        if imports_inside(path, name) & STARTERS or any(map(is_slow_import,
+                                                            imports_inside(path, name))):
+            return True
+        waiting += [(path, used) for used in names_in(path, name)]
+    return False
+
+
+@lru_cache(maxsize=None)
+def definitions(path):
+    """Return the functions, classes and constants of a file by their names."""
+    found = {}
+    for node in tree_of(path).body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            found[node.name] = node
+        elif isinstance(node, ast.Assign):
+            found.update({target.id: node for target in node.targets
+                          if isinstance(target, ast.Name)})
+    return found
+
+
+@lru_cache(maxsize=None)
+def origins(path):
+    """Return the files of the tests from which a file takes names, by the names."""
+    return {alias.name: file_of(node.module) for node in tree_of(path).body
+            if isinstance(node, ast.ImportFrom) and not node.level
+            and (TESTS / f'{node.module}.py').is_file() for alias in node.names}
+
+
+@lru_cache(maxsize=None)
+def imported_names(path, modules=frozenset()):
+    """Return the names by which a file knows some modules and what is in them."""
+    names = set()
+    for node in tree_of(path).body:
+        if isinstance(node, ast.Import):
+            names |= {alias.asname or alias.name for alias in node.names if alias.name in modules}
+        elif isinstance(node, ast.ImportFrom) and node.module in modules:
+            names |= {alias.asname or alias.name for alias in node.names}
+    return names
+
+
+@lru_cache(maxsize=None)
+def always_used(path):
+    """Return the fixtures of a file that every test of it uses."""
+    return [name for name, node in definitions(path).items()
+            if isinstance(node, ast.FunctionDef)
+            and any('autouse=True' in ast.unparse(line) for line in node.decorator_list)]
+
+
+@lru_cache(maxsize=None)
+def imports_inside(path, name):
+    """Return the modules that a definition of a file imports itself."""
+    return set(imported(ast.walk(definitions(path)[name]), ''))
+
+
+@lru_cache(maxsize=None)
+def names_in(path, name):
+    """Return the names that a definition uses, arguments and names of fixtures included."""
+    node = definitions(path)[name]
+    return {inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name)} | {
+        inner.arg for inner in ast.walk(node) if isinstance(inner, ast.arg)} | {
+        inner.value for line in getattr(node, 'decorator_list', []) for inner in ast.walk(line)
+        if isinstance(inner, ast.Constant) and isinstance(inner.value, str)
+        and 'usefixtures' in ast.unparse(line)}
+
+
+def keep_quick():
+    """From now on, refuse to start processes and to import ROS or the simulator."""
+    def refuse(event, arguments):
+        if event in FORBIDDEN_EVENTS:
+            raise RuntimeError(f'the quick lane starts no process ({event})')
+        if event == 'import' and is_slow_import(arguments[0]):
+            raise RuntimeError(f'the quick lane does not import {arguments[0]}')
+
+    sys.addaudithook(refuse)

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The length of tests that gain from more seeds and rounds, and the figures that they give."""
+
+from dataclasses import asdict, dataclass
+from datetime import datetime, timezone
+import json
+import os
+from pathlib import Path
+import platform
+import subprocess
+
+ROOT = Path(__file__).resolve().parents[1]
+OUTPUT = ROOT / 'proof_output' / 'proof.json'
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long a test runs: short in `make test`, at full length in `make proof`."""
+
+    full: bool
+
+    def count(self, short, full):
+        """Return a number of rounds."""
+        return full if self.full else short
+
+    def seeds(self, short, full):
+        """Return so many seeds, from 0 on."""
+        return range(self.count(short, full))
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number that a test has measured."""
+
+    name: str
+    value: float
+    unit: str
+    goal: str
+    """What the test asks of the value, for example 'at most 0.05'; empty = nothing."""
+    seeds: str
+    """The seeds or rounds behind it, for example '0 .. 199'."""
+    test: str
+
+
+class Figures:
+    """Takes the figures of one test."""
+
+    def __init__(self, test, kept):
+        self._test = test
+        self._kept = kept
+
+    def __call__(self, name, value, unit, *, over, at_most=None, at_least=None):
+        """
+        Keep a figure, then ask of it what its goal says.
+
+        Parameters
+        ----------
+        name : str
+            For example 'surface: plane, median error'.
+        value : float
+        unit : str
+        over : range or int
+            The seeds, or the number of rounds.
+        at_most, at_least : float, optional
+            The goal.
+
+        """
+        goal = ' and '.join(f'{word} {limit}' for word, limit in
+                            (('at least', at_least), ('at most', at_most)) if limit is not None)
+        seeds = f'{over[0]} .. {over[-1]}' if isinstance(over, range) else f'{over} rounds'
+        self._kept.append(Figure(name, float(value), unit, goal, seeds, self._test))
+        assert at_most is None or value <= at_most, f'{name} = {value} {unit}, {goal}'
+        assert at_least is None or value >= at_least, f'{name} = {value} {unit}, {goal}'
+
+
+def line_of(figure):
+    """Return a figure as a line for people."""
+    goal = f', {figure.goal}' if figure.goal else ''
+    return f'{figure.name} = {figure.value:.4g} {figure.unit}'.rstrip() + (
+        f'{goal} ({figure.seeds})')
+
+
+def write(figures, failed, path=OUTPUT):
+    """Write the figures of a run and what they were measured with as JSON."""
+    from color_stereo_ros.files.atomic import write_text
+    record = {'facts': facts(), 'figures': [asdict(figure) for figure in figures],
+              'failed': sorted(failed)}
+    write_text(path, json.dumps(record, indent=1) + '\n')
+
+
+def facts():
+    """Return revision, versions and machine."""
+    import cv2
+    import llvmlite
+    import numba
+    import numpy
+
+    from color_stereo_ros import __version__
+    return {
+        'revision': _git('rev-parse', 'HEAD'),
+        'changed_files': len(_git('status', '--porcelain').splitlines()),
+        'date': datetime.now(timezone.utc).isoformat(timespec='seconds'),
+        'versions': {'color_stereo_ros': __version__, 'python': platform.python_version(),
+                     'numpy': numpy.__version__, 'opencv': cv2.__version__,
+                     'numba': numba.__version__, 'llvmlite': llvmlite.__version__},
+        'machine': platform.machine(), 'cores': os.cpu_count()}
+
+
+def _git(*words):
+    """Return what git says, or nothing outside a checkout."""
+    said = subprocess.run(['git', *words], cwd=ROOT, capture_output=True, text=True)
+    return said.stdout.strip() if said.returncode == 0 else ''
