@@ -24,16 +24,19 @@ class Child:
         Of numba and OpenCV.
     cache : pathlib.Path, optional
         Folder of numba's cache, by default that of the tree.
+    fill : int, optional
+        Complement of the byte that memory holds before it is written, 1..255; by default it
+        holds anything.
 
     """
 
-    def __init__(self, tree, threads, cache=None):
+    def __init__(self, tree, threads, cache=None, fill=0):
         """Start the process."""
         self.tree = tree
         self._process = subprocess.Popen(
             [sys.executable, '-P', '-m', 'gate.worker', str(tree.folder)],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=tree.folder,
-            env=environment(tree, threads, cache or tree.cache))
+            env={**environment(tree, threads, cache or tree.cache), 'MALLOC_PERTURB_': str(fill)})
 
     def __enter__(self):
         """Return the child."""

@@ -12,6 +12,15 @@ import numpy as np
 from .child import Child
 from .inputs import pattern_settings
 
+FILLS = 85, 170
+"""
+What memory holds in the trees before it is written, see `Child`: a result that depends on it
+differs, instead of now and then.
+"""
+NOT_AGAIN = 'the hashes differed, a second run gives equal values: no reproducible result'
+MOST_LINES = 8
+"""Differences of one combination that are reported one by one."""
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -103,7 +112,8 @@ class Comparison:
         for threads in sorted({each.threads for _, each in numbered}):
             mine = [each for each in numbered if each[1].threads == threads]
             with ExitStack() as stack:
-                pair = [stack.enter_context(Child(tree, threads)) for tree in self._trees]
+                pair = [stack.enter_context(Child(tree, threads, fill=fill))
+                        for tree, fill in zip(self._trees, FILLS)]
                 self.compare_patterns(pair, mine)
                 self._run(pair, mine, verdict, progress)
         verdict.differences = tuple(self._found)
@@ -161,9 +171,11 @@ class Comparison:
         return output_difference(number, name, *values)
 
     def _add(self, differences):
-        for each in differences:
-            self._found.append(each)
+        self._found += differences
+        for each in differences[:MOST_LINES]:
             self._report(f'    {each}')
+        if len(differences) > MOST_LINES:
+            self._report(f'    and {len(differences) - MOST_LINES} more outputs')
 
 
 def ask_both(pair, do, own, **common):
@@ -203,20 +215,26 @@ def output_difference(number, name, before, after):
     """
     if isinstance(before, np.ndarray) and isinstance(after, np.ndarray):
         return array_difference(number, name, before, after)
-    note = (f'{before!r} before, {after!r} now' if before != after else
-            'the hash differed, a second run gives the same: the result is not reproducible')
+    texts = described(before), described(after)
+    note = NOT_AGAIN if texts[0] == texts[1] else '{} before, {} now'.format(*texts)
     return Difference(number, name, 1, 1, math.nan, 0, note)
+
+
+def described(value):
+    """Return an output as a text for people."""
+    if isinstance(value, np.ndarray):
+        return f'{value.dtype} {value.shape}'
+    return 'nothing' if value is None else json.dumps(value)
 
 
 def array_difference(number, name, before, after):
     """Return the Difference of two arrays; pixels are the first two dimensions."""
     total = int(np.prod(before.shape[:2]))
     if before.shape != after.shape or before.dtype != after.dtype:
-        note = f'{before.dtype} {before.shape} before, {after.dtype} {after.shape} now'
+        note = f'{described(before)} before, {described(after)} now'
         return Difference(number, name, total, total, math.nan, 0, note)
     differ = pixels_that_differ(before, after)
-    note = '' if differ.any() else (
-        'the hash differed, a second run gives the same: the result is not reproducible')
+    note = '' if differ.any() else NOT_AGAIN
     with np.errstate(invalid='ignore'):
         distance = np.abs(before.astype(np.float64) - after.astype(np.float64))
     known = distance[np.isfinite(distance)]

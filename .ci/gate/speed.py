@@ -21,8 +21,9 @@ from .child import Child
 
 SIZE = 640, 480   # px
 SCENE, RIG = 'fence', 'usual'
-SHARES = {'surface': (1, 5), 'paper': (4, 2)}
+SHARES = {'surface': (1, 6), 'paper': (4, 2)}
 """Method to: one of how many rounds it takes part in, and pairs per turn."""
+CLOCKS = 'time', 'processor time'
 UNCOUNTED = 1     # pairs per turn: a process that has waited finds cold caches
 CONTENDERS = 'before', 'again', 'after'
 """The revision, the revision once more, the working tree."""
@@ -47,20 +48,20 @@ def compare_times(trees, folder, runs, rounds):
     Returns
     -------
     figures : dict
-        Method to 'runs' (a list of `run_figures`), 'ratio', 'band' and 'within'.
+        'surface time', 'surface processor time' and so on to what `run_summary` returns.
 
     """
     request = timed_pair(trees, folder)
     fill_caches(trees, request)
-    found = {method: [] for method in SHARES}
+    found = {f'{method} {clock}': [] for method in SHARES for clock in CLOCKS}
     with tqdm(total=runs * rounds, unit='', disable=None, desc='time', smoothing=0) as bar:
         for run in range(runs):
-            for method, seconds in take_turns(trees, request, rounds, run, bar.update).items():
-                found[method].append(run_figures(seconds))
-                bar.write(run_line(method, run + 1, found[method][-1]))
-    figures = {method: run_summary(each) for method, each in found.items()}
-    for method, each in figures.items():
-        print(summary_line(method, each, trees[0].name))
+            for name, seconds in take_turns(trees, request, rounds, run, bar.update).items():
+                found[name].append(run_figures(seconds))
+                bar.write(run_line(name, run + 1, found[name][-1]))
+    figures = {name: run_summary(each) for name, each in found.items()}
+    for name, each in figures.items():
+        print(summary_line(name, each, trees[0].name))
     return figures
 
 
@@ -96,11 +97,12 @@ def take_turns(trees, request, rounds, run, progress):
     Returns
     -------
     seconds : dict
-        Method to a dict of contender to the median times, s, one a round.
+        Method and clock to a dict of contender to the least times, s, one a round.
 
     """
     rng = random.Random(run)
-    found = {method: {name: [] for name in CONTENDERS} for method in SHARES}
+    found = {f'{method} {clock}': {name: [] for name in CONTENDERS}
+             for method in SHARES for clock in CLOCKS}
     with ExitStack() as stack:
         children = {}
         for name in rng.sample(CONTENDERS, len(CONTENDERS)):
@@ -113,8 +115,9 @@ def take_turns(trees, request, rounds, run, progress):
                 if number % share == 0:
                     for name in order:
                         taken = children[name].ask('take', index=index, times=times,
-                                                   uncounted=UNCOUNTED)['seconds']
-                        found[method][name].append(median(taken))
+                                                   uncounted=UNCOUNTED)
+                        for clock in CLOCKS:
+                            found[f'{method} {clock}'][name].append(taken[clock])
             progress()
     return found
 
@@ -144,9 +147,9 @@ def run_figures(seconds):
     return figures
 
 
-def run_line(method, run, figures):
+def run_line(name, run, figures):
     """Return the figures of one run as a line for people."""
-    return (f'{method} run {run}: {1e3 * figures["before"]:.2f} ms -> '
+    return (f'{name}, run {run}: {1e3 * figures["before"]:.2f} ms -> '
             f'{1e3 * figures["after"]:.2f} ms; this/REV {figures["ratio"]:.4f} '
             '(quartiles {:.3f} .. {:.3f}); REV/REV '.format(*figures['ratio_spread'])
             + f'{figures["noise"]:.4f} '
@@ -171,14 +174,14 @@ def run_summary(runs):
     return {'runs': runs, 'ratio': ratio, 'band': band, 'within': band[0] <= ratio <= band[1]}
 
 
-def summary_line(method, figures, name):
+def summary_line(name, figures, revision):
     """Return the figures of all runs as a line for people."""
     low, high = figures['band']
     ratio = figures['ratio']
     verdict = 'within the noise' if figures['within'] else (
         'FASTER than noise explains' if ratio < low else 'SLOWER than noise explains')
-    return (f'{method}: this/{name} {ratio:.4f}, {len(figures["runs"])} runs; '
-            f'{name}/{name} {low:.4f} .. {high:.4f}: {verdict}.')
+    return (f'{name}: this/{revision} {ratio:.4f} in {len(figures["runs"])} runs; '
+            f'{revision}/{revision} {low:.4f} .. {high:.4f}: {verdict}.')
 
 
 def compare_starts(trees, folder):

@@ -131,7 +131,9 @@ def measure_all(calibration, settings, rectified, steps, outputs):
         add_result(outputs, f'{number} {name}', result)
         results.append((f'{number} {name}', result))
     for name, result in results[:-1]:  # later pairs must not write into earlier results
-        add_arrays(outputs, f'{name}/afterwards', result, RESULT_ARRAYS)
+        changed = [attribute for attribute in RESULT_ARRAYS if
+                   digest(getattr(result, attribute)) != outputs.hashes[f'{name}/{attribute}']]
+        outputs.add(f'{name}/overwritten later', changed)
 
 
 def color_stereo(calibration, settings, rectified):
@@ -225,14 +227,27 @@ def prepare(calibration, settings, rectified, path):
 
 
 def take(index, uncounted, times):
-    """Measure a pair some times; return the durations, s, of all but the first ones."""
+    """
+    Measure a pair some times, the first ones uncounted.
+
+    Returns
+    -------
+    answer : dict
+        'time', 'processor time': the least ones of a pair, s. What else the machine does adds to
+        times, never takes from them.
+
+    """
     stereo, left, right = SENSORS[index]
-    seconds = []
-    for _ in range(uncounted + times):
-        start = time.perf_counter()
+    for _ in range(uncounted):
         stereo.process(left, right)
-        seconds.append(time.perf_counter() - start)
-    return {'seconds': seconds[uncounted:]}
+    clocks = {'time': time.perf_counter, 'processor time': time.process_time}
+    taken = {name: [] for name in clocks}
+    for _ in range(times):
+        starts = {name: clock() for name, clock in clocks.items()}
+        stereo.process(left, right)
+        for name, clock in clocks.items():
+            taken[name].append(clock() - starts[name])
+    return {name: min(each) for name, each in taken.items()}
 
 
 REQUESTS = {'where': where, 'pattern': pattern, 'measure': measure, 'prepare': prepare,
