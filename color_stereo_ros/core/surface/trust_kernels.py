@@ -5,9 +5,7 @@ import math
 
 import numpy as np
 
-from ..compiled.bands import band, banded, BANDS, serial
-from ..compiled.parts import part
-from ..compiled.stack import LENGTH, stack_row
+from ..compiled import band, banded, BANDS, LENGTH, part, serial, stack_row
 from ..status import Status
 from .grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
 from .tuning import TUNING
