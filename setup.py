@@ -33,7 +33,10 @@ setup(
         shared('launch'),
     ],
     python_requires='>=3.11',
-    install_requires=['numpy>=1.26', 'numba>=0.58', 'opencv-python-headless>=4.6', 'PyYAML>=6.0'],
+    # core/compiled uses private parts of numba, which change from release to release: the upper
+    # bound is the first release that was not tested. Newer ones work, too, but more slowly.
+    install_requires=['numpy>=1.26', 'numba>=0.58,<0.69', 'opencv-python-headless>=4.6',
+                      'PyYAML>=6.0'],
     extras_require={
         # ROS 2 Jazzy itself, for machines without /opt/ros
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],

@@ -20,3 +20,7 @@ class ImageError(ColorStereoError):
 
 class RecordingError(ColorStereoError):
     """A recording or a result file cannot be read or written."""
+
+
+class InstallationError(ColorStereoError, ImportError):
+    """A package that this one needs is missing or does not fit; the text says what to install."""

@@ -6,8 +6,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core.compiled.bands import _STAMP, band, banded, BANDS
-from color_stereo_ros.core.surface import trust_kernels, view_kernels
+from color_stereo_ros.core.compiled import band, banded, BANDS
 import numba
 import numpy as np
 import pytest
@@ -87,10 +86,3 @@ def test_more_bands_than_bits_are_refused(count):
 def test_names_and_documentation_of_the_function_are_kept():
     assert mark.__name__ == 'mark'
     assert mark.__doc__.startswith('Write factor values')
-
-
-def test_no_kernel_stays_in_the_cache_when_a_file_changes_of_which_it_contains_something():
-    for kernel in (view_kernels.channel_levels, view_kernels.add_color_sums,
-                   trust_kernels.brightness_balance, trust_kernels.remove_islands,
-                   view_kernels.box_sums, mark):
-        assert kernel.py_func.__qualname__.endswith(_STAMP)

@@ -6,7 +6,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core.compiled.parts import part
+from color_stereo_ros.core.compiled import part
 from numba import njit
 import numpy as np
 import pytest

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from color_stereo_ros.core import CameraModel, ColorStereo, Settings, Status, StereoCalibration
 from color_stereo_ros.core.cameras.rectification import raw_coordinates
-from color_stereo_ros.core.compiled.arena import Arena
+from color_stereo_ros.core.compiled import Arena
 from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.surface import planes, views
 from color_stereo_ros.core.surface.coarse import CoarseSearch

@@ -14,9 +14,7 @@ import subprocess
 import sys
 
 from color_stereo_ros.core import Settings, Status
-from color_stereo_ros.core.compiled.arena import Arena
-from color_stereo_ros.core.compiled.bands import band, BANDS
-from color_stereo_ros.core.compiled.stack import LENGTH
+from color_stereo_ros.core.compiled import Arena, band, BANDS, LENGTH
 from color_stereo_ros.core.constants import replaced
 from color_stereo_ros.core.surface import planes as surface_planes
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way

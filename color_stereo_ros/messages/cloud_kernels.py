@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The kernel that writes a point cloud: one pass, without the interpreter's lock."""
 
-from numba import njit
 import numpy as np
+
+from ..core.compiled import serial
 
 F4 = np.float32
 U4 = np.uint32
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@serial()
 def fill_points(depth, image, rays_x, rays_y, records):
     """
     Write x, y, z (float32, m) and the bits of 0x00RRGGBB of every pixel into records (H, W, 4).

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inner loops of the simulated rig: pattern look-up and edge-aware smoothing."""
 
-from numba import njit, prange
+from ..core.compiled import parallel, prange, serial
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def project_pattern(stack, level, column, row, weight, pixel, image):
     """
     Add weight * pattern(column, row) of every sample to the sum of its camera pixel.
@@ -41,7 +41,7 @@ def project_pattern(stack, level, column, row, weight, pixel, image):
             image[pixel[i], c] += weight[i, c] * near
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def accumulate(values, pixel, total, count):
     """
     Sum the samples of every pixel and count them.
@@ -64,7 +64,7 @@ def accumulate(values, pixel, total, count):
                 total[pixel[i], c] += values[i, c]
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@parallel(error_model='python')
 def smooth_on_surfaces(light, normal, position, radius, spread, result):
     """
     Average light over neighbors that lie on the same smooth surface.

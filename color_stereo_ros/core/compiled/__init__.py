@@ -1,2 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Everything that touches the insides of numba, and the memory kernels work on."""
+"""
+The compiled room: the only door to numba, and the memory that kernels work on.
+
+A kernel is a compiled loop that Python calls. Modules of kernels import from here alone:
+
+- `banded` makes a parallel kernel of a function of one band of the data; `band` gives its rows.
+- `serial` and `parallel` make a kernel by numba's own means; loops run over `prange`.
+- `part` is for a function that only kernels call.
+- `stack_array`, `stack_row`, `stack_integers` give a kernel small arrays on its stack.
+- `Arena` gives out buffers beside each other.
+
+Behind the door:
+
+- `threads` sets how long threads wait awake. It must come before numba.
+- `requirement` says which numba fits.
+- `stamp` names what compiled code contains, so that no stale code is loaded.
+- `kernels` has the decorators. It chooses between `internals` and `plain`.
+- `internals` uses private parts of numba, `plain` does the same without.
+
+Each private part is there for speed. `internals.parts` skips machine code and wrappers that nobody
+calls: a third of the time that a cold start takes to compile. `internals.bands` compiles a
+parallel kernel once, where numba does it twice, and lets threads take work from each other.
+`internals.stack` makes arrays that LLVM vectorizes around. numba changes its private parts
+without notice. Therefore setup.py has an upper bound for its version, and `plain` is tested.
+
+"""
+
+from . import threads  # noqa: F401, before numba is imported
+from . import requirement  # noqa: F401, tells what to install if numba is missing
+from .arena import Arena
+from .kernels import (
+    band, banded, BANDS, get_num_threads, LENGTH, parallel, part, prange, serial, stack_array,
+    stack_integers, stack_row)
+
+__all__ = [
+    'Arena', 'BANDS', 'LENGTH', 'band', 'banded', 'get_num_threads', 'parallel', 'part', 'prange',
+    'serial', 'stack_array', 'stack_integers', 'stack_row']

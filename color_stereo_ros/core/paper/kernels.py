@@ -13,11 +13,11 @@ window sum of the disparities added for that starts at PADDING_COST, so that non
 
 import math
 
-from numba import get_num_threads, njit, prange
 import numpy as np
 
 from ..status_codes import (
     AMBIGUOUS, DARK, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED, VALID)
+from ..compiled import get_num_threads, parallel, prange, serial
 from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
@@ -39,7 +39,7 @@ def band_count():
     return get_num_threads()
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@parallel(error_model='python')
 def correct_colors(image, inside, dark, gains, min_signal, saturation, zero_weakest, target,
                    corrected, reason):
     """
@@ -82,7 +82,7 @@ def correct_colors(image, inside, dark, gains, min_signal, saturation, zero_weak
                 corrected[y, x, 3] = np.float32(1.0)
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def average_spots(image, inside, dark, min_signal, saturation, step, size, colors, lit):
     """
     Average small squares of an image on a coarse grid.
@@ -112,7 +112,7 @@ def average_spots(image, inside, dark, min_signal, saturation, step, size, color
             lit[row, column] = usable
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@parallel(error_model='python')
 def normalize(colors, reason):
     """Divide smoothed colors (H, W, 4) by their smoothed weight; zeros where not usable."""
     height, width = reason.shape
@@ -125,7 +125,7 @@ def normalize(colors, reason):
                 colors[y, x, channel] *= factor
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@serial()
 def _fill_right_row(colors, first, ratios_p, ratios_q):
     """Write the ratios to each component of one right row, reversed and padded, (3, W + D - 1)."""
     width = colors.shape[0]
@@ -141,7 +141,7 @@ def _fill_right_row(colors, first, ratios_p, ratios_q):
                 ratios_q[m, i] = min(far, colors[x, (m + 2) % 3] * scale)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@serial()
 def _add_cost_row(colors, ratios_p, ratios_q, ring, sums):
     """
     Replace one row of pixel costs in the ring and update the column sums.
@@ -177,7 +177,7 @@ def _add_cost_row(colors, ratios_p, ratios_q, ring, sums):
             ring[x, k] = np.uint16(cost)
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def _drop_cost_row(ring, sums):
     """Take one row of pixel costs out of the ring and the column sums."""
     width, count = sums.shape
@@ -187,7 +187,7 @@ def _drop_cost_row(ring, sums):
             ring[x, k] = np.uint16(0)
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def _slide(sums, x, reach, total):
     """Move the window sums of all disparities to column x; total[k + 1] belongs to k."""
     width, count = sums.shape
@@ -207,7 +207,7 @@ def _slide(sums, x, reach, total):
             total[np.uint64(k) + one] -= sums[leave, k]
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def _best(total, low, high):
     """Return the smallest cost in low <= k < high and its first position."""
     one = np.uint64(1)
@@ -221,7 +221,7 @@ def _best(total, low, high):
     return best, where
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def _second(total, low, high, where):
     """Return the smallest local minimum of the cost apart from the one at `where`."""
     one, two = np.uint64(1), np.uint64(2)
@@ -234,7 +234,7 @@ def _second(total, low, high, where):
     return second
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def _offer_to_right(total, low, high, base, right_cost, right_index):
     """Let the left pixel bid for its candidates: each right pixel keeps the cheapest k."""
     start, one = np.uint64(base), np.uint64(1)
@@ -246,7 +246,7 @@ def _offer_to_right(total, low, high, base, right_cost, right_index):
             np.int32(k) if cost < kept else right_index[start + np.uint64(k)])
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def _search_row(usable, sums, reach, count, low, high, total, right_cost, right_index, winner,
                 costs):
     """
@@ -284,7 +284,7 @@ def _search_row(usable, sums, reach, count, low, high, total, right_cost, right_
             winner[x, 1] = right_index[width - 1 - x + winner[x, 0]]
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@parallel(error_model='python')
 def search(left, right, first, count, reach_x, reach_y, low, high, ring, sums, total, ratios,
            right_cost, right_index, winner, costs):
     """
@@ -317,7 +317,7 @@ def search(left, right, first, count, reach_x, reach_y, low, high, ring, sums, t
                             costs[center])
 
 
-@njit(cache=True, nogil=True)
+@serial(error_model='python')
 def _offset(before, best, after, subpixel):
     """
     Return the offset of the minimum from the middle one of three costs, px.
@@ -335,7 +335,7 @@ def _offset(before, best, after, subpixel):
     return np.float32(0.0)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@serial()
 def _within_one_pixel(deviation):
     """
     Return the probability that a normal error of this standard deviation is below 1 px.
@@ -350,7 +350,7 @@ def _within_one_pixel(deviation):
     return np.float32(1.0) - np.float32(1.0) / (square * square)
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@parallel(error_model='python')
 def accept_winners(winner, costs, reason, right, first, count, low, high, tolerance, uniqueness,
                    subpixel, independent, smallest, largest, disparity, deviation, confidence,
                    status):

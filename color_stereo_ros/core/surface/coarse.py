@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 
-from ..compiled.bands import BANDS
+from ..compiled import BANDS
 from ..triangulation import search_interval
 from .coarse_kernels import add_turned, cost_volume, reduce_colors, sgm_paths, winners
 from .grid_kernels import F4, PAD

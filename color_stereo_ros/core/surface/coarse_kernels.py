@@ -13,9 +13,7 @@ import math
 
 import numpy as np
 
-from ..compiled.bands import band, banded
-from ..compiled.parts import part
-from ..compiled.stack import LENGTH, stack_integers
+from ..compiled import band, banded, LENGTH, part, stack_integers
 from .grid_kernels import F4, FAST, I4, PAD
 from .tuning import TUNING
 

@@ -20,7 +20,7 @@ Kernels get bare arrays and write into them; meaning lives in `surface`, `half_g
 
 import numpy as np
 
-from ..compiled.parts import part
+from ..compiled import part
 from .tuning import TUNING
 
 FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset

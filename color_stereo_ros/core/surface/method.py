@@ -17,7 +17,7 @@ the half grid.
 
 import numpy as np
 
-from ..compiled.arena import Arena
+from ..compiled import Arena
 from ..patterns.expectation import Expectation
 from .coarse import CoarseSearch
 from .grid import HalfGrid

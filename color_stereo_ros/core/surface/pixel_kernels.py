@@ -3,10 +3,8 @@
 
 import numpy as np
 
-from ..compiled.bands import band, banded
-from ..compiled.parts import part
-from ..compiled.stack import stack_row
 from ..status_codes import INCONSISTENT, OUT_OF_RANGE, VALID
+from ..compiled import band, banded, part, stack_row
 from .grid_kernels import F4, FAST, NAN, PAD, TILE_COLUMNS
 from .trust_kernels import HOPELESS, LEAST_ODDS, MOST_ODDS
 from .tuning import TUNING

@@ -3,9 +3,7 @@
 
 import numpy as np
 
-from ..compiled.bands import band, banded
-from ..compiled.parts import part
-from ..compiled.stack import stack_array, stack_row
+from ..compiled import band, banded, part, stack_array, stack_row
 from .grid_kernels import (
     any_above, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN, PAD, TILE_COLUMNS,
     TILE_ROWS)

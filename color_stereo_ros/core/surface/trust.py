@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 
-from ..compiled.bands import BANDS
+from ..compiled import BANDS
 from ..status import Status
 from .grid_kernels import F4
 from .trust_kernels import brightness_balance, find_hidden, remove_islands, settle, weigh_evidence

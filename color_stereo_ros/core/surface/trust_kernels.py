@@ -5,11 +5,9 @@ import math
 
 import numpy as np
 
-from ..compiled.bands import band, banded, BANDS, serial
-from ..compiled.parts import part
-from ..compiled.stack import LENGTH, stack_row
 from ..status_codes import (
     AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
+from ..compiled import band, banded, BANDS, LENGTH, part, serial, stack_row
 from .grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
 from .tuning import TUNING
 

@@ -5,9 +5,7 @@ import math
 
 import numpy as np
 
-from ..compiled.bands import band, banded, serial
-from ..compiled.parts import part
-from ..compiled.stack import LENGTH, stack_row
+from ..compiled import band, banded, LENGTH, part, serial, stack_row
 from .grid_kernels import F4, FAST, FLAT, I4, PAD, U4
 from .tuning import TUNING
 

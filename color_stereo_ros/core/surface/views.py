@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ..cameras.rectification import inside_image, raw_coordinates
-from ..compiled.bands import BANDS
+from ..compiled import BANDS
 from .gains import channel_gains, noise_weight
 from .grid import framed_area
 from .grid_kernels import F4, FLAT, PAD

@@ -2,80 +2,32 @@
 """
 Parallel kernels: a function that works on one band of the data becomes one that does all bands.
 
-Instead of `parallel=True`, for two reasons. Numba then compiles every kernel twice over, with all
-that it contains. And its threads get equal shares beforehand: one that has no core for a while
-holds up all the others. Here a thread that is done with its share, which lies in its cache from
-the last kernel, takes bands of others.
-There is one loop that is parallel to numba, `_run`; it calls a compiled function by its address.
+numba's `parallel=True` has two drawbacks. It compiles every kernel twice, with all that the kernel
+contains. And it gives its threads equal shares beforehand: a thread that has no core for a while
+holds up all others. Here each thread begins with its own share, which lies in its cache from the
+last kernel, and then takes bands of others. There is one loop that is parallel to numba, `_run`.
+It calls a compiled function by its address.
 
 """
 
-import hashlib
-import inspect
-from pathlib import Path
-
 from llvmlite import ir
-from numba import config, get_num_threads, njit, prange, types
+from numba import njit, prange, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from ..plain import argument_names, BANDS, written
+from ..stamp import stamp
 from .parts import part, PartCompiler
 
-# A kernel from the cache does not know that there must be threads. This decides on numba's
-# threading layer, which starts none with OpenMP, and tells the compiler where to find it.
-get_num_threads()
 
-# numba's cache asks whether the file of a kernel has changed, but not those of what it contains.
-_STAMP = hashlib.sha256(b''.join(
-    path.read_bytes() for path in sorted(Path(__file__).parent.glob('*_kernels.py')))
-).hexdigest()[:8]
-
-BANDS = 8  # per kernel: fixed, so that results do not depend on the number of threads
-
-
-@part()
-def band(k, size):
-    """Return first and last row + 1 of band k of BANDS."""
-    return size * k // BANDS, size * (k + 1) // BANDS
-
-
-def banded(count=BANDS, **options):
-    """
-    Return a decorator that makes a parallel kernel of a function of one band.
-
-    The first argument of the function is the band, 0 .. count - 1 (count at most 63, a bit each),
-    the kernel does not have it. The function must not raise: nobody would hear of it.
-    Bands must not write to the same places, nor may arrays overlap. options are those of
-    `numba.njit`.
-
-    """
-    if not 1 <= count <= 63:
-        raise ValueError(f'count = {count} is no number of bands, 1 .. 63')
-
+def banded(count, **options):
+    """Return a decorator that makes a parallel kernel of a function of one of `count` bands."""
     def decorate(function):
-        names = ', '.join(list(inspect.signature(function).parameters)[1:])
-        if config.DISABLE_JIT:
-            return _interpreted(function, count)
-        function.__qualname__ += f'_{_STAMP}'  # part of the names of the files in the cache
-        body = part(_DisjointArrays, **options)(function)
-        scope = {'body': body, 'count': count, 'prepare': _prepare, 'run': _run}
-        # numba unpacks named arguments much faster than *args
-        exec(compile(f'def {function.__name__}({names}):\n'
-                     f'    address, data = prepare(body, count, ({names},))\n'
-                     f'    run(address, data)\n', inspect.getfile(function), 'exec'), scope)
-        kernel = scope[function.__name__]
-        kernel.__module__, kernel.__doc__ = function.__module__, function.__doc__
-        kernel.__qualname__ = function.__qualname__
-        return njit(cache=True, nogil=True, no_cfunc_wrapper=True, _nrt=False)(kernel)
-
-    return decorate
-
-
-def serial(**options):
-    """Return a decorator that makes a kernel of a function; options are those of `numba.njit`."""
-    def decorate(function):
-        function.__qualname__ += f'_{_STAMP}'
-        return njit(cache=True, nogil=True, error_model='numpy', **options)(function)
+        lines = (f'address, data = prepare(body, count, ({argument_names(function)},))',
+                 'run(address, data)')
+        return njit(cache=True, nogil=True, no_cfunc_wrapper=True, _nrt=False)(written(
+            function, lines, body=part(_DisjointArrays, **options)(function), count=count,
+            prepare=_prepare, run=_run))
 
     return decorate
 
@@ -87,15 +39,6 @@ class _DisjointArrays(PartCompiler):
         """Return the usual steps."""
         self.state.flags.noalias = True
         return super().define_pipelines()
-
-
-def _interpreted(function, count):
-    """Return what does all bands of a function that is not compiled."""
-    def kernel(*args):
-        for k in range(count):
-            function(k, *args)
-
-    return kernel
 
 
 @intrinsic
@@ -110,11 +53,14 @@ def _call(typing_context, address, data, first):
     return types.none(types.uintp, types.uintp, types.intp), generate
 
 
-@njit(cache=True, nogil=True, parallel=True)
 def _run(address, data):
     """Let every thread do what is left of the bands, from the first of its own on."""
     for first in prange(BANDS):
         _call(address, data, first)
+
+
+_run.__qualname__ += f'_{stamp(_run)}'
+_run = njit(cache=True, nogil=True, parallel=True)(_run)
 
 
 @intrinsic

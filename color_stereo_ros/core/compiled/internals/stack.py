@@ -2,32 +2,27 @@
 """
 Small arrays on the stack, for kernels that gather.
 
-LLVM vectorizes a loop only if it can tell that no store changes what a later iteration loads. It
-compares the bounds of affine accesses at run time, but a gather has none; and beyond a few arrays
-it gives up comparing. Nothing else can point at the stack: a loop that writes into such an array
-is vectorized whatever it reads (seen in the assembly: vgatherdps and vfmadd...ps instead of
-vmovss and vfmadd...ss, three times as fast), and a second loop copies the result out.
+LLVM vectorizes a loop only if no store can change what a later iteration loads. For affine
+accesses it compares the bounds at run time. A gather has no bounds, and with more than a few
+arrays LLVM does not compare. Nothing else can point at the stack, so a loop that writes into such
+an array is vectorized whatever it reads; a second loop copies the result out. The assembly shows
+vgatherdps and vfmadd...ps instead of vmovss and vfmadd...ss: three times as fast.
 
 """
 
 import math
 
-from numba import config, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 from numba.np.numpy_support import from_dtype
 import numpy as np
 
-LENGTH = 64
-"""Entries of a stack row: a tile or a patch row fits."""
-
 
 def stack_array(dtype, *shape):
     """Return a function for kernels that returns an uninitialized array in its caller's frame."""
     dtype = np.dtype(dtype)
-    if config.DISABLE_JIT:
-        return lambda: np.empty(shape, dtype)
     number = from_dtype(dtype)
     kind = types.Array(number, len(shape), 'C')
     strides = [dtype.itemsize * math.prod(shape[axis + 1:]) for axis in range(len(shape))]
@@ -47,7 +42,3 @@ def stack_array(dtype, *shape):
         return kind(), generate
 
     return array
-
-
-stack_row = stack_array(np.float32, LENGTH)
-stack_integers = stack_array(np.int16, LENGTH)

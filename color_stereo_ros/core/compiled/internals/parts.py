@@ -2,12 +2,12 @@
 """
 Parts of kernels: functions that only kernels call, never Python.
 
-numba makes of every function a whole that can run by itself: optimized, as machine code, with two
-wrappers for callers. A kernel then takes in the code of all its functions, optimizes it once more
-and makes machine code of it again. Parts are left as numba writes them until a kernel takes them
-in: the kernels of the surface method then take two thirds of the time to compile. Parts are not
-cached, since the machine code of the kernel contains them. They do not count references either:
-no array is made in them but on the stack (see `_stack_kernels`).
+numba makes every function able to run by itself: it optimizes the function, makes machine code of
+it and adds two wrappers for callers. A kernel then takes in the code of all its functions,
+optimizes it once more and makes machine code of it again. Parts stay as numba writes them until a
+kernel takes them in. The kernels of the surface method then compile in two thirds of the time.
+Parts are not cached: the machine code of the kernel contains them. They do not count references:
+they make no arrays except on the stack (see `stack`).
 
 """
 

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which numba this package needs, and what to do where there is another one or none."""
+
+from ...errors import InstallationError
+
+REQUIREMENT = 'numba>=0.58,<0.69'
+"""What pip may install; setup.py says the same."""
+
+TESTED = 0, 68
+"""Newest release whose private parts are known to be as `internals` expects them."""
+
+try:
+    import numba
+except Exception as error:  # not there, or it refuses this Python or this NumPy
+    missing = isinstance(error, ModuleNotFoundError) and error.name == 'numba'
+    raise InstallationError(
+        ('numba is not installed, but it compiles the kernels' if missing else
+         f'numba cannot be imported ({" ".join(str(error).split())})')
+        + f": pip install '{REQUIREMENT}' installs one that fits") from error
+
+
+def is_tested():
+    """Return whether the private parts of the installed numba are known."""
+    words = numba.__version__.split('.')[:2]
+    return all(word.isdigit() for word in words) and tuple(map(int, words)) <= TESTED

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The stamp of compiled code: it changes when anything changes that the code contains.
+
+numba keeps machine code in a cache. It compiles a kernel anew when the file of that kernel has
+another time or another size. It does not look at other files, although a kernel contains their
+functions and constants. The stamp is a part of the name of each kernel, and so of its files in
+the cache.
+
+"""
+
+from functools import cache
+import hashlib
+import inspect
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[2]
+
+SOURCES = (
+    'core/compiled/*.py',
+    'core/compiled/internals/*.py',
+    'core/constants.py',
+    'core/paper/kernels.py',
+    'core/paper/tuning.py',
+    'core/status.py',
+    'core/status_codes.py',
+    'core/surface/*_kernels.py',
+    'core/surface/fitted.py',
+    'core/surface/models/*.yaml',
+    'core/surface/tuning.py',
+)
+"""Files whose functions or constants kernels of several modules contain; a test finds omissions."""
+
+
+def stamp(function):
+    """Return 8 hexadecimal digits for a function that becomes a kernel."""
+    return _digest(stamped_files(function))
+
+
+def stamped_files(function):
+    """Return the files of which a kernel may contain something: SOURCES, and its own."""
+    own = Path(inspect.getfile(function)).resolve()
+    shared = _shared()
+    return shared if own in shared or not own.is_file() else (*shared, own)
+
+
+@cache
+def _shared():
+    """Return the files that SOURCES names, in a fixed order."""
+    return tuple(sorted(path.resolve() for pattern in SOURCES for path in PACKAGE.glob(pattern)))
+
+
+@cache
+def _digest(files):
+    """Return 8 hexadecimal digits of what some files contain."""
+    return hashlib.sha256(b''.join(path.read_bytes() for path in files)).hexdigest()[:8]
