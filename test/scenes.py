@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from color_stereo_ros.core import Settings, StereoCalibration
-from color_stereo_ros.core.patterns.making import constant_sum_colors
+from color_stereo_ros.core.patterns.colors import constant_sum_colors
 import cv2
 import numpy as np
 

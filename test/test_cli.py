@@ -12,7 +12,7 @@ import pytest
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import (
     CalibrationError, ImageError, make_pattern, RecordingError, Settings, SettingsError)
-from color_stereo_ros.core.settings.groups import flat
+from color_stereo_ros.core.settings import flat
 from color_stereo_ros.parameters.files import read_settings, settings_text
 
 

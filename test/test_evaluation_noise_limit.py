@@ -7,7 +7,7 @@ import pytest
 
 from color_stereo_ros.core import RangeResult, RectifiedGeometry, RectifiedPair, SettingsError
 from color_stereo_ros.core import Status
-from color_stereo_ros.core.patterns.making import constant_sum_colors
+from color_stereo_ros.core.patterns.colors import constant_sum_colors
 from color_stereo_ros.core.triangulation import depth_from_disparity
 from color_stereo_ros.evaluation.metrics import Truth
 from color_stereo_ros.evaluation.noise_limit import (

@@ -6,7 +6,7 @@ from pathlib import Path
 import re
 import xml.etree.ElementTree as ElementTree
 
-from color_stereo_ros.core.settings.groups import flat
+from color_stereo_ros.core.settings import flat
 from color_stereo_ros.nodes.parameters import RangeNodeSettings
 from color_stereo_ros.nodes.sensor.outputs import TOPICS
 from color_stereo_ros.nodes.sim_rig import SimRigSettings

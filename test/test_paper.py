@@ -11,7 +11,7 @@ from color_stereo_ros.core import ColorStereo, Status
 from color_stereo_ros.core.cameras.geometry import RectifiedGeometry
 from color_stereo_ros.core.paper import kernels
 from color_stereo_ros.core.paper.method import independent_pixels, PaperMatcher, surrounding_median
-from color_stereo_ros.core.patterns.making import constant_sum_colors
+from color_stereo_ros.core.patterns.colors import constant_sum_colors
 import naive
 import numpy as np
 import pytest

@@ -7,7 +7,7 @@ from color_stereo_ros.core.paper import kernels
 from color_stereo_ros.core.paper.color import (
     brightness_samples, ColorCorrection, equal_brightness_gains, estimated_dark_level, smoothed,
     split_gains)
-from color_stereo_ros.core.patterns.making import constant_sum_colors
+from color_stereo_ros.core.patterns.colors import constant_sum_colors
 import naive
 import numpy as np
 import pytest

@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from color_stereo_ros.core.settings.groups import described, flat
+from color_stereo_ros.core.settings import described, flat
 from color_stereo_ros.nodes.parameters import (
     NodeParameters, parameter_file, PatternNodeSettings, RangeNodeSettings)
 

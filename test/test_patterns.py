@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The patterns have the properties that the paper and their names promise."""
 
-from color_stereo_ros.core import make_pattern, PatternSettings, SettingsError
-from color_stereo_ros.core.patterns.making import GENERATORS, repeated_neighborhoods
-from color_stereo_ros.core.settings.groups import PATTERN_TYPES
+from color_stereo_ros.core import make_pattern, PatternSettings, Settings, SettingsError
+from color_stereo_ros.core.patterns.expectation import Expectation
+from color_stereo_ros.core.patterns.pattern import Pattern, Repeats
+from color_stereo_ros.core.patterns.pseudo_noise import repeated_neighborhoods
+from color_stereo_ros.core.patterns.registry import is_aperiodic, makable, PATTERNS, repeating
 import numpy as np
 import pytest
 
@@ -15,25 +17,44 @@ def pattern(kind, **changes):
     return make_pattern(PatternSettings(type=kind, **{'width': 300, 'height': 40, **changes}))
 
 
-@pytest.mark.parametrize('kind', GENERATORS)
+@pytest.mark.parametrize('kind', makable())
 def test_every_pattern_is_an_8_bit_image_of_the_projector_size(kind):
     image = pattern(kind)
     assert image.shape == (40, 300, 3) and image.dtype == np.uint8
     assert image.flags.c_contiguous and image.min() == 0 and image.max() >= 250
 
 
-@pytest.mark.parametrize('kind', GENERATORS)
+@pytest.mark.parametrize('kind', makable())
 def test_every_pattern_is_made_again_the_same(kind):
     np.testing.assert_array_equal(pattern(kind), pattern(kind))
 
 
-@pytest.mark.parametrize('kind', ['hue_field', 'wave_field', 'pseudo_noise'])
+@pytest.mark.parametrize('kind', repeating(Repeats.NEVER))
 def test_another_seed_gives_another_random_pattern(kind):
     assert (pattern(kind, seed=1) != pattern(kind, seed=2)).mean() > 0.3
 
 
 def test_every_known_type_but_unknown_can_be_made():
-    assert set(GENERATORS) == set(PATTERN_TYPES) - {'unknown'}
+    assert set(makable()) == set(PATTERNS) - {'unknown'}
+
+
+def test_the_types_keep_their_order_and_kind():
+    assert PATTERNS.names == ('hue_field', 'sweep', 'bright_sweep', 'sine', 'walsh', 'lines',
+                              'wave_field', 'pseudo_noise', 'unknown')
+    assert repeating(Repeats.NEVER) == ['hue_field', 'wave_field', 'pseudo_noise']
+    assert repeating(Repeats.CYCLES) == ['sweep', 'bright_sweep', 'sine']
+
+
+def test_a_registered_type_is_a_choice_made_and_expected_at_once():
+    with PATTERNS.temporarily():
+        PATTERNS.register('gray', Pattern('all gray', lambda settings: np.full(3, 0.5),
+                                          Repeats.NEVER, uniform_brightness=True))
+        settings = Settings().updated({'pattern.type': 'gray'})
+        assert is_aperiodic(settings.pattern)
+        assert Expectation.of(settings.pattern) == Expectation.of(PatternSettings())
+        assert (make_pattern(settings.pattern) == 128).all()
+    with pytest.raises(SettingsError, match="pattern.type = 'gray' is not one of hue_field"):
+        pattern('gray')
 
 
 def test_an_unknown_pattern_cannot_be_made():
@@ -42,8 +63,14 @@ def test_an_unknown_pattern_cannot_be_made():
         pattern('unknown')
 
 
+@pytest.mark.parametrize('kind', makable())
+def test_a_pattern_tells_whether_its_brightness_is_uniform(kind):
+    brightness = pattern(kind).sum(axis=2, dtype=int)
+    assert (np.ptp(brightness) <= 2) == PATTERNS[kind].uniform_brightness  # rounding
+
+
 @pytest.mark.parametrize('kind', CONSTANT_SUM)
-def test_brightness_is_uniform(kind):
+def test_the_components_add_up_to_255(kind):
     assert np.abs(pattern(kind).sum(axis=2, dtype=int) - 255).max() <= 1
 
 
@@ -64,7 +91,7 @@ def test_the_sweep_runs_from_red_over_green_and_blue_back_to_red():
     assert row[299].tolist() == [252, 0, 3]
 
 
-@pytest.mark.parametrize('kind', ['sweep', 'bright_sweep', 'sine'])
+@pytest.mark.parametrize('kind', repeating(Repeats.CYCLES))
 @pytest.mark.parametrize('cycles', [1, 3, 10])
 def test_periodic_patterns_repeat_as_often_as_asked(kind, cycles):
     row = pattern(kind, cycles=cycles)[0].astype(int)

@@ -4,6 +4,7 @@
 from dataclasses import replace
 
 from color_stereo_ros.core import ColorStereo, ImageError, StereoCalibration
+from color_stereo_ros.core.cameras.lenses import Lens, LENSES
 from color_stereo_ros.core.cameras.rectification import (
     FAR_OUTSIDE, inside_image, raw_coordinates, Rectifier)
 import cv2
@@ -45,6 +46,50 @@ def test_rectified_pixels_are_taken_from_where_the_lens_puts_them(model):
         ray = np.linalg.solve(camera.P[:, :3] @ camera.R, [column, row, 1.0])
         expected = raw_pixel(camera, ray)
         np.testing.assert_allclose((x[row, column], y[row, column]), expected, atol=2e-3)
+
+
+class Derived(Lens):
+    """A lens that knows its distortion alone."""
+
+    def __init__(self, lens):
+        """Take the distortion of another lens."""
+        self.lengths, self.distort = lens.lengths, lens.distort
+
+
+@pytest.mark.parametrize('model', MODELS)
+def test_what_a_lens_derives_from_its_distortion_equals_opencv(model):
+    camera, lens = rig(model).left, LENSES[model]
+    derived = Derived(lens)
+    for ours, opencv in zip(derived.rectifying_map(camera), lens.rectifying_map(camera)):
+        assert ours.dtype == np.float32 and ours.shape == (120, 160)
+        np.testing.assert_allclose(ours, opencv, atol=1e-3)
+    pixels = np.random.default_rng(1).uniform((0, 0), (159, 119), (50, 2))
+    np.testing.assert_allclose(derived.undistort(pixels, K, camera.D),
+                               lens.undistort(pixels, K, camera.D), atol=1e-6)
+
+
+@pytest.mark.parametrize('model', LENSES)
+@pytest.mark.parametrize('zeros', [False, True])
+def test_a_lens_without_distortion_is_a_pinhole_or_a_fisheye(model, zeros):
+    lens = LENSES[model]
+    D = np.zeros(lens.lengths[-1] if zeros else 0)
+    rays = np.random.default_rng(1).uniform(-0.5, 0.5, (20, 2))
+    distorted = lens.distort(rays, D)
+    radius = np.linalg.norm(rays, axis=1)
+    expected = np.arctan(radius) if model == 'equidistant' else radius
+    np.testing.assert_allclose(np.linalg.norm(distorted, axis=1), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        lens.undistort(distorted @ K[:2, :2].T + K[:2, 2], K, D), rays, atol=1e-9)
+
+
+def test_a_lens_that_knows_nothing_of_itself_chooses_the_views_of_a_pinhole_pair():
+    left, right = rig('plumb_bob').left, rig('plumb_bob').right
+    rotation, translation = rig('plumb_bob').right_from_left
+    straight = StereoCalibration.from_arrays(SIZE, K, [], K, [], rotation, translation)
+    views = Lens().rectified_views(left, right, rotation, translation.reshape(3, 1))
+    for (R, P), camera in zip(views, (straight.left, straight.right)):
+        np.testing.assert_array_equal(R, camera.R)
+        np.testing.assert_array_equal(P, camera.P)
 
 
 @pytest.mark.parametrize('model', MODELS)

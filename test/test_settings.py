@@ -5,7 +5,8 @@ import dataclasses
 
 from color_stereo_ros.core import (
     ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings, SettingsError)
-from color_stereo_ros.core.settings.groups import described, suggestion
+from color_stereo_ros.core.methods import Method, METHODS
+from color_stereo_ros.core.settings import described, setting, suggestion
 import numpy as np
 import pytest
 
@@ -128,3 +129,33 @@ def test_settings_are_frozen_and_replaced_by_dataclasses():
 def test_a_group_of_the_wrong_class_is_refused():
     with pytest.raises(SettingsError, match='range = .* is no RangeSettings'):
         Settings(range=PatternSettings())
+
+
+@pytest.mark.parametrize('name, text', [
+    ('pattern.type', 'hue_field: aperiodic 2-D hue, uniform brightness (default); sweep, '
+     'bright_sweep: paper fig. 2.2 right and left; sine: three phase-shifted sines; walsh; lines: '
+     'high-contrast lines; wave_field: 2-D random color waves; pseudo_noise: colored patches; '
+     'unknown: some other pattern'),
+    ('pattern.cycles', 'repetitions over the width (sweep, bright_sweep, sine)'),
+    ('matching.method', 'surface: coarse to fine with slanted surfaces (default); paper: the '
+     'exhaustive search of the paper, sec. 2.2')])
+def test_descriptions_tell_what_the_registries_know(name, text):
+    assert {name: meta['description'] for name, _, meta in DESCRIBED}[name] == text
+
+
+def test_choices_and_descriptions_are_those_of_the_moment():
+    with METHODS.temporarily():
+        METHODS.register('guess', Method('a wild guess', lambda *arguments: None))
+        metadata = {name: meta for name, _, meta in described(Settings())}['matching.method']
+        assert list(metadata['choices']) == ['surface', 'paper', 'guess']
+        assert metadata['description'].endswith('sec. 2.2; guess: a wild guess')
+        assert MatchingSettings(method='guess').method == 'guess'
+    with pytest.raises(SettingsError, match="'guess' is not one of surface, paper"):
+        MatchingSettings(method='guess')
+
+
+def test_a_description_that_is_a_function_is_asked_at_each_reading():
+    texts = iter(['first', 'second'])
+    metadata = setting(1, lambda: next(texts), minimum=0, maximum=2).metadata
+    assert metadata['description'] == 'first' and metadata.get('description') == 'second'
+    assert set(metadata) >= {'description', 'unit', 'minimum', 'maximum', 'choices'}

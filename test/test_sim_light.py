@@ -5,6 +5,7 @@ import cv2
 
 from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig, smooth_pattern, uniform
 
+from color_stereo_ros.core.cameras.lenses import LENSES
 from color_stereo_ros.errors import ImageError
 from color_stereo_ros.sim import Renderer
 from color_stereo_ros.sim.materials import MATERIALS, texture_image
@@ -51,6 +52,13 @@ def test_a_distorted_camera_undistorted_by_opencv_agrees_with_a_straight_one(mod
     assert np.median(np.abs(restored - straight)[inside]) < 0.02 * scale
     assert np.abs(restored - straight)[inside].mean() < 0.03 * scale
     assert np.abs(distorted - straight).mean() > 0.05 * scale
+
+
+@pytest.mark.parametrize('model', LENSES)
+def test_a_camera_without_coefficients_has_a_calibration_of_its_model(model):
+    calibration = scene_of(rig=small_rig(distortion_model=model)).rig.calibration
+    assert calibration.left.distortion_model == model
+    assert calibration.left.D.size == LENSES[model].lengths[-1] and not calibration.left.D.any()
 
 
 def test_a_distorted_camera_agrees_with_a_straight_one_to_a_small_part_of_a_pixel():

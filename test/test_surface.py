@@ -8,14 +8,13 @@ from pathlib import Path
 from color_stereo_ros.core import CameraModel, ColorStereo, Settings, Status, StereoCalibration
 from color_stereo_ros.core.cameras.rectification import raw_coordinates
 from color_stereo_ros.core.compiled.arena import Arena
-from color_stereo_ros.core.patterns.expectation import Prior
 from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.surface import planes, views
 from color_stereo_ros.core.surface.coarse import CoarseSearch
 from color_stereo_ros.core.surface.gains import gains_of
 from color_stereo_ros.core.surface.grid import framed_area, whole
 from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
-from color_stereo_ros.core.surface.tuning import TUNING
+from color_stereo_ros.core.surface.tuning import changed, slow, TUNING
 import numba
 import numpy as np
 import pytest
@@ -279,20 +278,21 @@ def test_confident_ranges_beside_steps_are_right_and_doubtful_ones_more_often_wr
 
 @pytest.mark.parametrize('step_x', [2, 1])
 def test_print_shows_beside_slow_colors_and_noise_does_not(step_x):
-    view = zoomed_view(step_x)[0]
+    tuning = changed(TUNING, slow(4)).views
+    view = zoomed_view(step_x, tuning=tuning)[0]
     rng = np.random.default_rng(4)
     noise = rng.uniform(0.95, 1.05, view.s.shape)
     ink = np.where(np.arange(view.s.shape[1]) // 7 % 2, 0.4, 1.0)
     for light, shows in ((noise, False), (noise * ink, True)):
         view.u[:], view.s[:] = 0, 90 * light
         view.add_print()
-        level = np.log(view.s + views.PRINT_KNEE)
-        radius = views.PRINT_RADIUS, views.PRINT_RADIUS * view.columns_per_node
+        level = np.log(view.s + tuning.print_offset)
+        radius = tuning.print_radius, tuning.print_radius * view.columns_per_node
         for y, x in rng.integers(20, min(view.s.shape) - 20, (200, 2)):
             around = level[y - radius[0]:y + radius[0] + 1, x - radius[1]:x + radius[1] + 1]
             excess = level[y, x] - around.mean()
-            expected = views.PRINT_GAIN * np.sign(excess) * max(
-                abs(excess) - views.LEAST_PRINT, 0)
+            expected = tuning.print_gain * np.sign(excess) * max(
+                abs(excess) - tuning.least_print, 0)
             assert view.u[y, x] == pytest.approx(expected, abs=1e-4)
         assert (np.abs(view.u).max() > 0.05) == shows
 
@@ -342,7 +342,7 @@ def test_no_size_of_the_images_does_harm(effort, figures):
 
 
 def test_the_search_never_leaves_the_image():
-    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), Prior.of(Settings(), 64), 3.0, Arena())
+    search = CoarseSearch((24, 32), 64, (-1e5, 1e5), Settings().matching, TUNING, Arena())
     _, depth, columns = search.upright.cost.shape
     assert depth <= 2 * columns + 1
 
@@ -617,7 +617,8 @@ def test_shading_tells_repetitions_apart():
     assert 0.6 < np.nanmax(result.confidence[100:140, 130:170]) < 0.95
 
 
-def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 0.0)):
+def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 0.0),
+                tuning=TUNING.views):
     """Return a view whose nodes lie at all fractions of a raw pixel, and their places there."""
     width, height = size
     camera = np.array([[300.0, 0, width / 2], [0, 300.0, height / 2], [0, 0, 1]])
@@ -626,7 +627,7 @@ def zoomed_view(step_x, zoom=1.013, size=(320, 240), distortion=(0.0, 0.0, 0.0, 
     rows, columns = height // 2, width // step_x - 1
     shape = tuple(2 * PAD + whole(count, tile)
                   for count, tile in zip((rows, columns), (TILE_ROWS, TILE_COLUMNS)))
-    view = views.View(model, rows, columns, step_x, shape, False, Arena())
+    view = views.View(model, rows, columns, step_x, shape, False, tuning, Arena())
     area = framed_area(rows, columns, views.first_column(step_x))
     return view, area, raw_coordinates(
         views.half_grid_camera(model, rows, columns, step_x))
@@ -636,7 +637,7 @@ def seen(view, image):
     """Return the first chromaticity and which nodes have a color."""
     color = Settings().color
     view.load(image, color)
-    view.fill(np.zeros(3, np.float32), np.ones(3, np.float32), color, 0)
+    view.fill(np.zeros(3, np.float32), np.ones(3, np.float32), color)
     return view.u, view.inside
 
 
@@ -676,4 +677,4 @@ def test_a_lens_whose_distortion_folds_leaves_the_rest_of_the_image_alone():
     known = view.psf_variance[np.isfinite(view.psf_variance)]
     view.even_out(np.median(known), Arena())
     center = view.widening[:, area[0], area[1]][:, 80:160, 110:210]
-    assert np.abs(center).max() < views.MOST_GAIN
+    assert np.abs(center).max() < TUNING.views.largest_gain

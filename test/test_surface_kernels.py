@@ -7,7 +7,6 @@ Kernels compute in float32, twins in float64: 1e-4 relative, or as stated.
 """
 
 import ast
-from dataclasses import replace
 import math
 import os
 from pathlib import Path
@@ -18,7 +17,7 @@ from color_stereo_ros.core import Settings, Status
 from color_stereo_ros.core.compiled.arena import Arena
 from color_stereo_ros.core.compiled.bands import band, BANDS
 from color_stereo_ros.core.compiled.stack import LENGTH
-from color_stereo_ros.core.patterns.expectation import Prior
+from color_stereo_ros.core.constants import replaced
 from color_stereo_ros.core.surface import planes as surface_planes
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
 from color_stereo_ros.core.surface.coarse_kernels import (
@@ -35,7 +34,6 @@ from color_stereo_ros.core.surface.trust_kernels import (
 from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.core.surface.view_kernels import (
     add_color_sums, box_sums, channel_levels, sample_colors)
-from color_stereo_ros.core.surface.views import DARKEST, NOISE, SOFT
 import naive_surface as naive
 import numpy as np
 import pytest
@@ -46,7 +44,7 @@ SHAPE = (2 * PAD + 2 * TILE_ROWS, 2 * PAD + 2 * TILE_COLUMNS)
 WIDTH = 2 * COLUMNS
 INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
 TILES = tiles_of(SHAPE)
-PRIOR = Prior.of(Settings(), WIDTH)
+SOFT, NOISE = F4(TUNING.views.softening), tuple(F4(each) for each in TUNING.views.noise)
 KERNEL = F4(1.2)  # px^2
 ROBUST, STEEPEST = F4(TUNING.planes.robust_misfit), F4(TUNING.planes.steepest)
 TRUNCATION = F4(TUNING.neighbors.misfit_cap)
@@ -128,8 +126,8 @@ def test_channel_levels_are_dark_level_and_mean_above(known_dark, step, brightes
     image = np.sqrt(rng.uniform(0, 1, (90, 130, 4))) * brightest * [1, 0.5, 0.1, 1]
     image = image.astype(np.uint8)
     dark, mean = np.empty((2, 3), F4)
-    channel_levels(image, step, F4(known_dark), DARKEST, dark, mean)
-    expected = naive.channel_levels(image, step, known_dark, DARKEST)
+    channel_levels(image, step, F4(known_dark), TUNING.views.largest_dark_level, dark, mean)
+    expected = naive.channel_levels(image, step, known_dark, TUNING.views.largest_dark_level)
     np.testing.assert_allclose([dark, mean], expected, rtol=1e-4)
 
 
@@ -166,7 +164,7 @@ def test_coarse_colors_are_means_weighted_by_brightness(step_x, step_y, left):
     rng = np.random.default_rng(3)
     u, v = rng.uniform(-2, 2, (2, *SHAPE)).astype(F4)
     s = rng.uniform(0, 60, SHAPE).astype(F4)
-    scale, knee = CoarseSearch.SCALE, CoarseSearch.KNEE
+    scale, knee = F4(TUNING.coarse.color_scale), F4(TUNING.coarse.full_trust)
     out = np.empty((4, ROWS // step_y, COLUMNS // step_x), I2)
     brightness = np.empty(out.shape[1:], F4)
     reduce_colors(u, v, s, PAD, left, step_x, step_y, SOFT, scale, knee,
@@ -193,8 +191,8 @@ def coarse_pair(seed, rows=5, columns=9):
 def searched(left, right, first, depth, small=0, large=0):
     """Return the coarse search after the costs and paths of the kernels."""
     rows, columns = left.shape[1:]
-    search = CoarseSearch((2 * rows, 2 * columns), 0, (4 * first, 4 * first), PRIOR,
-                          SOFT, Arena())
+    search = CoarseSearch((2 * rows, 2 * columns), 0, (4 * first, 4 * first),
+                          Settings().matching, TUNING, Arena())
     search.first, search.penalties = first, (I2(small), I2(large))
     search.allocate(rows, columns, depth, Arena())
     search.upright.left[:] = left
@@ -213,7 +211,7 @@ def test_colors_between_two_nodes_are_those_half_way():
 def test_cost_volumes_of_both_layouts_are_exact(rows, first, depth):
     left, right = coarse_pair(5, rows)
     search = searched(left, right, first, depth)
-    expected = naive.cost_volume(left, right, first, depth, int(search.CAP), int(search.NEUTRAL))
+    expected = naive.cost_volume(left, right, first, depth, *map(int, search.costs))
     np.testing.assert_array_equal(search.upright.cost.transpose(0, 2, 1), expected)
     np.testing.assert_array_equal(search.turned.cost.transpose(2, 0, 1)[:rows], expected)
 
@@ -252,9 +250,9 @@ def test_winners_are_consistent_from_left_to_right_and_clear_without_a_near_riva
 
 def test_the_largest_path_costs_leave_room_for_the_disparity():
     # four paths, each at most eight capped pixels and the largest penalty that settings allow
-    search = CoarseSearch((24, 32), 64, (2, 20), replace(PRIOR, smoothness=40.0), SOFT,
-                          Arena())
-    largest = 4 * (8 * int(search.CAP) + int(search.penalties[1]))
+    tuning = replaced(TUNING, {'coarse.smoothness': 40.0})
+    search = CoarseSearch((24, 32), 64, (2, 20), Settings().matching, tuning, Arena())
+    largest = 4 * (8 * int(search.costs[0]) + int(search.penalties[1]))
     assert largest < 2 ** 15
     assert largest // 4 < GUARD
     total = np.full((1, 3, 5), largest, I2)
@@ -589,7 +587,8 @@ def test_every_reason_is_given_and_as_documented():
     s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
     std, odds = np.zeros((2, *SHAPE), F4)
     reason = np.zeros(SHAPE, np.uint8)
-    rest = (np.array([-5, 20], F4), F4(253), F4(4), F4(TUNING.trust.hidden_odds), TUNING.trust.vague_std)
+    rest = (np.array([-5, 20], F4), F4(253), F4(4), F4(TUNING.trust.hidden_odds),
+            TUNING.trust.vague_std)
     settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS, *rest, std,
            odds, reason)
     expected = naive.settle(d, variance, evidence, cost, trust, hidden, peak, s, ROWS, COLUMNS,

@@ -3,7 +3,7 @@
 
 import argparse
 
-from ..core.settings.groups import described, flat, Settings, updated
+from ..core.settings import described, flat, Settings, updated
 from ..parameters.files import PROJECTORS, read_settings, SENSORS
 
 

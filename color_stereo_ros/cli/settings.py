@@ -28,7 +28,7 @@ def run(args):
 
 def rows(settings):
     """Yield (name, value, legal values, description) of every setting, as text."""
-    from ..core.settings.groups import described, flat
+    from ..core.settings import described, flat
     values = flat(settings)
     for name, _, meta in described(settings):
         yield name, _text(values[name]), _legal(values[name], meta), meta['description']

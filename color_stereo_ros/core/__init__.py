@@ -9,8 +9,7 @@ from .cameras.geometry import RectifiedGeometry, RectifiedPair
 from .patterns.making import make_pattern
 from .pipeline import ColorStereo
 from .results import RangeResult
-from .settings.groups import (
-    ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings)
+from .settings import ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings
 from .status import Status
 
 __all__ = [

@@ -1,18 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
 """An account of one measurement for people: why pixels have no range, what is odd about a pair."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from .constants import chosen, constant, Constants, derived
 from .status import Status
 
-FEW = 0.05
-"""Below this share of pixels with a range something is wrong."""
+FIRST = 'The value of the first version (4de8491). How it was found is not recorded.'
 
-_GRAY = 2         # DN: channels that differ by no more show no color; JPEG leaves 1 or 2
-_NEARLY_ALL = 0.999
-_DARK = 16        # DN: where nothing is brighter, nothing can be said about the color
-_SUSPICIOUS = 0.2  # share of ranges below which swapped images are thought of
-_CLEARLY = 0.3, 3  # the other order gives at least this share, and so many times this order's
+
+@dataclass(frozen=True)
+class AccountTuning(Constants):
+    """When a pair is worth a doubt."""
+
+    gray_difference: int = constant(
+        2, 'DN', 'Largest difference of the channels of a pixel without color.',
+        derived('The compression of JPEG leaves 1 or 2 DN in gray images.'))
+    gray_share: float = constant(
+        0.999, '1', 'Share of pixels without color from which an image is gray.',
+        chosen('A few damaged pixels may have a color. ' + FIRST))
+    dark: int = constant(
+        16, 'DN', 'Brightest channel up to which an image says nothing about color.',
+        chosen(FIRST))
+    few_ranges: float = constant(
+        0.05, '1', 'Share of pixels with a range below which something is wrong.',
+        chosen(FIRST))
+    suspicious_share: float = constant(
+        0.2, '1', 'Share of pixels with a range below which the images may be swapped.',
+        chosen('Only then the pair is measured a second time. ' + FIRST))
+    swapped_share: float = constant(
+        0.3, '1', 'Share that swapped images must give for a doubt.',
+        chosen(FIRST))
+    swapped_ratio: int = constant(
+        3, '1', 'How many times more ranges swapped images must give for a doubt.',
+        chosen(FIRST))
+
+
+TUNING = AccountTuning()
+FEW = TUNING.few_ranges
+"""Below this share of pixels with a range something is wrong."""
 
 
 def status_shares(status):
@@ -66,8 +94,9 @@ def doubts_about_images(left, right):
 
 def _is_gray(image):
     brightest = image.max(axis=2)
-    colorless = brightest - image.min(axis=2) <= _GRAY
-    return bool(brightest.max(initial=0) > _DARK and colorless.mean() >= _NEARLY_ALL)
+    colorless = brightest - image.min(axis=2) <= TUNING.gray_difference
+    return bool(brightest.max(initial=0) > TUNING.dark
+                and colorless.mean() >= TUNING.gray_share)
 
 
 def doubts_about_result(stereo, left, right, result):
@@ -90,10 +119,9 @@ def doubts_about_result(stereo, left, right, result):
 
     """
     doubts = []
-    if result.density < _SUSPICIOUS:
+    if result.density < TUNING.suspicious_share:
         swapped = stereo.process(right, left).density
-        least, times = _CLEARLY
-        if swapped > max(least, times * result.density):
+        if swapped > max(TUNING.swapped_share, TUNING.swapped_ratio * result.density):
             doubts.append(f'left and right image swapped? The other way round {swapped:.1%} of '
                           f'the pixels have a range, as given {result.density:.1%}')
     if result.density < FEW:

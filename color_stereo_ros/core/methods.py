@@ -1,10 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The choice of the matching method."""
+"""The matching methods: the choices of `matching.method`."""
 
-from .paper.method import PaperMatcher
-from .results import Measurement
-from .surface.method import SurfaceMethod
-from .triangulation import depth_from_disparity
+from dataclasses import dataclass
+from typing import Callable
+
+from .registry import Registry
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to measure a pair; an entry of `METHODS`."""
+
+    summary: str
+    """What it does, for lists of the methods; may be empty."""
+    make: Callable
+    """
+    Makes the method from the arguments of `make_method`: an object with
+    `measure(left, right, clock)` that takes raw images (checked, uint8 (H, W, 3) RGB) and a
+    Stopwatch and returns a Measurement.
+    """
+
+
+def _surface(settings, calibration, limits, rectifier):
+    from .surface.method import SurfaceMethod
+    return SurfaceMethod(settings, calibration, limits, rectifier.rectified_input)
+
+
+def _paper(settings, calibration, limits, rectifier):
+    from .paper.method import PaperMethod
+    return PaperMethod(settings, calibration, limits, rectifier)
+
+
+METHODS = Registry('matching method', Method, {
+    'surface': Method('coarse to fine with slanted surfaces', _surface),
+    'paper': Method('the exhaustive search of the paper, sec. 2.2', _paper),
+})
+"""Method by name; their order is that of all lists."""
 
 
 def make_method(settings, calibration, limits, rectifier):
@@ -22,29 +53,8 @@ def make_method(settings, calibration, limits, rectifier):
     Returns
     -------
     method : object
-        With `measure(left, right, clock)`: raw images (checked, uint8 (H, W, 3) RGB) and a
-        Stopwatch in, Measurement out.
+        See `Method.make`.
 
     """
-    if settings.matching.method == 'paper':
-        return PaperMethod(settings, calibration, limits, rectifier)
-    return SurfaceMethod(settings, calibration, limits, rectifier.rectified_input)
-
-
-class PaperMethod:
-    """The paper's steps: rectify, correct and search, triangulate."""
-
-    def __init__(self, settings, calibration, limits, rectifier):
-        """Allocate the search."""
-        self._rectifier = rectifier
-        self._matcher = PaperMatcher(settings, calibration.geometry, limits)
-
-    def measure(self, left, right, clock):
-        """Measure one pair; see `make_method`."""
-        pair = self._rectifier.rectify(left, right)
-        clock.lap('rectify')
-        match = self._matcher.match(pair)
-        clock.lap('match')
-        depth = depth_from_disparity(match.disparity, pair.geometry)
-        clock.lap('triangulate')
-        return Measurement(**vars(match), depth=depth)
+    make = METHODS[settings.matching.method].make
+    return make(settings, calibration, limits, rectifier)

@@ -11,7 +11,7 @@ from ..errors import CalibrationError, SettingsError
 from .cameras.rectification import Rectifier
 from .methods import make_method
 from .results import RangeResult
-from .settings.groups import Settings
+from .settings import Settings
 from .triangulation import disparity_limits
 
 # The kernels own their buffers and numba's threading layers do not all allow parallel calls.

@@ -2,13 +2,12 @@
 """
 What each stage of a method is worth: every switchable setting off, one at a time.
 
-The list is derived from the settings themselves: every switch that is on, and every number whose
-description says that 0 turns its stage off.
+The list is derived from the settings themselves: every field that names the value that switches
+its stage off, and is on by default.
 
 """
 
 from dataclasses import fields
-import re
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from .methods import evaluate
 from .renders import default_pattern, paper_pattern
 
 KEYS = ('density', 'mean_percent', 'median_px', 'bad_1', 'false_share', 'milliseconds')
-
-OFF = re.compile(r'\b0 (=|switches|turns|means|accepts)')
-PAPER = 'paper method'
 
 
 def switches(method):
@@ -40,14 +36,10 @@ def switches(method):
     found = {}
     for group in (ColorSettings, MatchingSettings):
         for spec in fields(group):
-            description = spec.metadata['description']
-            of_paper = PAPER in description
-            if of_paper != (method == 'paper') and (of_paper or ':' in description):
-                continue
-            if spec.default is True:
-                found[f'{group.prefix}.{spec.name}'] = False
-            elif type(spec.default) in (int, float) and spec.default and OFF.search(description):
-                found[f'{group.prefix}.{spec.name}'] = type(spec.default)(0)
+            off = spec.metadata['off']
+            mine = spec.metadata['method'] in (None, method)
+            if mine and off is not None and spec.default != off:
+                found[f'{group.prefix}.{spec.name}'] = off
     return found
 
 

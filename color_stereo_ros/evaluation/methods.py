@@ -1,26 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run any method on a scene: those of this package and OpenCV's, on the same rectified pair."""
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 import time
 
-from ..core import ColorStereo, MatchingSettings, RangeResult, RectifiedPair, Settings
-from ..core import SettingsError
+from ..core import ColorStereo, RangeResult, RectifiedPair, Settings, SettingsError
 from ..core.cameras.rectification import Rectifier
-from ..core.settings.groups import suggestion
+from ..core.methods import METHODS
+from ..core.settings import suggestion
 from ..core.surface.plane_kernels import WIDE_RADIUS
 from . import opencv_matchers
 from .metrics import measure
 from .noise_limit import compare, measured_noise, noise_limit, Window
 
-
-def _own_methods():
-    spec = next(spec for spec in fields(MatchingSettings) if spec.name == 'method')
-    return spec.metadata['choices']
-
-
-METHODS = (*_own_methods(), *opencv_matchers.METHODS)
-"""Every method that can be evaluated: those of `matching.method`, then OpenCV's."""
 
 REPEATS = 3
 """A method faster than a second is run so often; the shortest time counts."""
@@ -38,12 +30,18 @@ class Run:
     """Wall time from the rectified pair (OpenCV) or the raw pair (own methods) to the depth."""
 
 
+def known_methods():
+    """Return every method that can be evaluated: those of `matching.method`, then OpenCV's."""
+    return *METHODS, *opencv_matchers.METHODS
+
+
 def checked_methods(names):
     """Return method names as a tuple, or raise SettingsError for an unknown one."""
+    known = known_methods()
     for name in names:
-        if name not in METHODS:
-            raise SettingsError(f'unknown method {name!r}{suggestion(name, METHODS)}; known are '
-                                + ', '.join(METHODS))
+        if name not in known:
+            raise SettingsError(f'unknown method {name!r}{suggestion(name, known)}; known are '
+                                + ', '.join(known))
     return tuple(names)
 
 
@@ -55,7 +53,7 @@ def run_method(scene, method, values=None, repeats=REPEATS):
     ----------
     scene : color_stereo_ros.evaluation.datasets.Scene
     method : str
-        One of `METHODS`.
+        One of `known_methods()`.
     values : dict, optional
         Flat settings that override those of the scene.
     repeats : int

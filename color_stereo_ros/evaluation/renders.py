@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from ..core import make_pattern, PatternSettings
-from ..core.settings.groups import flat, Settings
+from ..core.settings import flat, Settings
 from .datasets import load_folder, save_folder, Scene
 from .metrics import Truth
 from .noise_limit import BAYER_SHARES, CameraNoise

@@ -15,7 +15,7 @@ from rcl_interfaces.msg import (FloatingPointRange, IntegerRange, ParameterDescr
                                 SetParametersResult)
 from rclpy.parameter import Parameter
 
-from ..core.settings.groups import (
+from ..core.settings import (
     described, flat, Group, PatternSettings, setting, Settings, suggestion, updated)
 from ..errors import ColorStereoError
 

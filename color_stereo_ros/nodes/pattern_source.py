@@ -15,6 +15,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header, String
 
 from ..core.patterns.making import make_pattern
+from ..core.patterns.registry import makable
 from ..errors import SettingsError
 from ..messages.images import image_message
 from .parameters import NodeParameters, PatternNodeSettings
@@ -64,8 +65,9 @@ class PatternNode(Node):
 
 def _check(settings):
     """Refuse what cannot be shown, by a ColorStereoError."""
-    if settings.pattern.type == 'unknown':
-        raise SettingsError("pattern.type = 'unknown' names no pattern that can be shown")
+    if settings.pattern.type not in makable():
+        raise SettingsError(f'pattern.type = {settings.pattern.type!r} names no pattern that can '
+                            'be shown')
     _make_once(settings.pattern)
 
 

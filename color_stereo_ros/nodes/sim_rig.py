@@ -21,7 +21,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from std_msgs.msg import Header
 
-from ..core.settings.groups import Group, setting
+from ..core.settings import Group, setting
 from ..errors import ColorStereoError
 from ..messages.images import image_message, image_to_rgb
 from ..messages.synchronizer import LatestSlot

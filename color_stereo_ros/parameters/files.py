@@ -3,7 +3,7 @@
 
 import yaml
 
-from ..core.settings.groups import checked_value, flat, Settings, suggestion
+from ..core.settings import checked_value, flat, Settings, suggestion
 from ..errors import SettingsError
 from ..files.yaml import load_yaml, UnreadableError
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses and lens distortion of the simulated rig, in double precision."""
+"""Poses of the simulated rig, in double precision."""
 
 from dataclasses import dataclass
 
@@ -52,41 +52,3 @@ class Pose:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.position
         return matrix
-
-
-def distort(rays, model, D):
-    """
-    Apply lens distortion to normalized image coordinates.
-
-    Parameters
-    ----------
-    rays : numpy.ndarray, float64, shape (N, 2)
-        X/Z and Y/Z.
-    model : str
-        plumb_bob, rational_polynomial or equidistant.
-    D : numpy.ndarray, float64
-        Coefficients in OpenCV's order; empty or zero = none.
-
-    Returns
-    -------
-    distorted : numpy.ndarray, float64, shape (N, 2)
-
-    """
-    if model == 'equidistant':
-        coefficients = np.zeros(4) if D.size == 0 else D
-        return cv2.fisheye.distortPoints(rays[None], np.eye(3), coefficients)[0]
-    if not np.any(D):
-        return rays
-    points = np.column_stack([rays, np.ones(len(rays))])
-    return cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), D)[0][:, 0]
-
-
-def undistort(pixels, K, model, D):
-    """Return the normalized coordinates (N, 2) seen by raw pixels (N, 2) of a camera."""
-    if model == 'equidistant':
-        coefficients = np.zeros(4) if D.size == 0 else D
-        return cv2.fisheye.undistortPoints(pixels[None], K, coefficients)[0]
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
-    if hasattr(cv2, 'undistortPointsIter'):
-        return cv2.undistortPointsIter(pixels[None], K, D, np.eye(3), np.eye(3), criteria)[:, 0]
-    return cv2.undistortPoints(pixels[None], K, D, None, None, None, criteria)[:, 0]

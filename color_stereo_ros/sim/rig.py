@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from color_stereo_ros.core.cameras.calibration import DISTORTION_LENGTHS, StereoCalibration
+from color_stereo_ros.core.cameras.calibration import StereoCalibration
+from color_stereo_ros.core.cameras.lenses import LENSES
 
 from .errors import SceneError
 from .geometry import Pose
@@ -60,6 +61,11 @@ class Camera:
     def shape(self):
         """Return (height, width)."""
         return self.height, self.width
+
+    @property
+    def lens(self):
+        """Return the Lens of the distortion model."""
+        return LENSES[self.distortion_model]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,13 +162,13 @@ def read_camera(name, node):
     width, height = (node.get(field).integer(8, 8192) for field in ('width', 'height'))
     focal = node.get('focal').pair(1.0, 1e5)
     center = node.get('center', [(width - 1) / 2, (height - 1) / 2]).vector(2)
-    model = node.get('distortion_model', 'plumb_bob').choice(DISTORTION_LENGTHS)
+    model = node.get('distortion_model', 'plumb_bob').choice(LENSES)
     distortion = [item.number() for item in node.get('distortion', []).items()]
-    if len(distortion) not in DISTORTION_LENGTHS[model]:
-        lengths = ' or '.join(map(str, DISTORTION_LENGTHS[model]))
-        node.get('distortion').fail(f'{lengths} numbers for {model}')
+    lengths = LENSES[model].lengths
+    if len(distortion) not in lengths:
+        node.get('distortion').fail(f'{" or ".join(map(str, lengths))} numbers for {model}')
     if not distortion:
-        distortion = [0.0] * (4 if model == 'equidistant' else 5)
+        distortion = [0.0] * lengths[-1]
     return Camera(
         name=name, width=width, height=height,
         K=np.array([[focal[0], 0, center[0]], [0, focal[1], center[1]], [0, 0, 1]]),

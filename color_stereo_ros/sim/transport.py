@@ -15,7 +15,6 @@ import tempfile
 import numpy as np
 
 from ._kernels import accumulate, project_pattern, smooth_on_surfaces
-from .geometry import distort, undistort
 from .materials import bsdf
 from .projection import pattern_light, pattern_stack, projector_coordinates
 from .shapes import mitsuba_shapes
@@ -112,7 +111,7 @@ class View:
     def of(cls, camera, samples):
         """Return the field with `samples` x `samples` sub-pixels in each pixel of a camera."""
         edge = _border(camera)
-        rays = undistort(edge, camera.K, camera.distortion_model, camera.D)
+        rays = camera.lens.undistort(edge, camera.K, camera.D)
         reach = np.abs(rays).max(axis=0)
         pitch = 1.0 / (max(camera.K[0, 0], camera.K[1, 1]) * samples)
         # A shade less than a whole number of sub-pixels must not add another one.
@@ -151,9 +150,9 @@ def _border(camera):
 def pixel_index(camera, rays):
     """Return the flat pixel that each normalized ray (N, 2) falls into, -1 = outside."""
     # Beyond the corners a distortion polynomial may fold back into the image.
-    reach = np.abs(undistort(_border(camera), camera.K, camera.distortion_model, camera.D))
+    reach = np.abs(camera.lens.undistort(_border(camera), camera.K, camera.D))
     regular = (np.abs(rays) <= 1.001 * reach.max(axis=0)).all(axis=1)
-    points = distort(rays, camera.distortion_model, camera.D)
+    points = camera.lens.distort(rays, camera.D)
     column = np.floor(points[:, 0] * camera.K[0, 0] + camera.K[0, 2] + 0.5)
     row = np.floor(points[:, 1] * camera.K[1, 1] + camera.K[1, 2] + 0.5)
     inside = (regular & (column >= 0) & (column < camera.width)

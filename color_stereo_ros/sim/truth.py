@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .geometry import distort
 from .projection import projector_coordinates
 from .variant import is_vectorized
 
@@ -92,7 +91,7 @@ def inside_image(camera, points):
     local = camera.pose.to_child(points)
     ahead = local[:, 2] > 1e-6
     rays = local[:, :2] / np.where(ahead, local[:, 2], 1.0)[:, None]
-    spot = distort(rays, camera.distortion_model, camera.D)
+    spot = camera.lens.distort(rays, camera.D)
     column = spot[:, 0] * camera.K[0, 0] + camera.K[0, 2]
     row = spot[:, 1] * camera.K[1, 1] + camera.K[1, 2]
     return (ahead & (np.abs(column - (camera.width - 1) / 2) <= (camera.width - 1) / 2 + BORDER)

@@ -4,7 +4,6 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
 import numpy as np
 
 from ...errors import CalibrationError
@@ -13,13 +12,7 @@ from ...files.camera_info import camera_info_text, read_camera_info
 from ...files.yaml import UnreadableError
 from . import checks
 from .geometry import RectifiedGeometry
-
-# Number of distortion coefficients that each model may have; none means no distortion.
-DISTORTION_LENGTHS = {
-    'plumb_bob': (0, 4, 5),
-    'rational_polynomial': (0, 8, 12, 14),
-    'equidistant': (0, 4),
-}
+from .lenses import LENSES
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +34,7 @@ class CameraModel:
     height: int
     """Rows of the raw image, px."""
     distortion_model: str
-    """plumb_bob, rational_polynomial or equidistant."""
+    """A name in `lenses.LENSES`: plumb_bob, rational_polynomial or equidistant."""
     D: np.ndarray
     """float64 (n,), distortion coefficients in OpenCV's order; empty = no distortion."""
     K: np.ndarray
@@ -57,24 +50,12 @@ class CameraModel:
             object.__setattr__(self, field, checks.matrix(
                 f'{self.name} {field}', getattr(self, field), shape))
         checks.check_size(self)
-        _check_distortion(self)
+        checks.check_distortion(self)
         checks.check_intrinsics(self)
         checks.check_rotation(f'{self.name} R', self.R)
         checks.check_projection(self)
         for field in ('width', 'height'):
             object.__setattr__(self, field, int(getattr(self, field)))
-
-
-def _check_distortion(camera):
-    model = camera.distortion_model
-    if model not in DISTORTION_LENGTHS:
-        raise CalibrationError(f'{camera.name} distortion_model = {model!r} is unknown, expected '
-                               f'one of {", ".join(DISTORTION_LENGTHS)}')
-    lengths = DISTORTION_LENGTHS[model]
-    if camera.D.size not in lengths:
-        raise CalibrationError(
-            f'{camera.name} D has {camera.D.size} values, expected '
-            f'{" or ".join(map(str, lengths))} for distortion_model {model}')
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +189,7 @@ class StereoCalibration:
                            np.eye(3, 4))
                for name, D, K in zip(('left', 'right'), distortion, (K_left, K_right))]
         rotation, translation = checks.checked_motion(R, t)
-        rectified = _rectifying_projections(*raw, rotation, translation)
+        rectified = LENSES[distortion_model].rectified_views(*raw, rotation, translation)
         return cls(*(CameraModel(camera.name, camera.width, camera.height, distortion_model,
                                  camera.D, camera.K, R_rect, P)
                      for camera, (R_rect, P) in zip(raw, rectified)))
@@ -229,20 +210,6 @@ class StereoCalibration:
         """
         _camera_to_yaml(self.left, left_path)
         _camera_to_yaml(self.right, right_path)
-
-
-def _rectifying_projections(left, right, rotation, translation):
-    """Return (R, P) of both cameras."""
-    size = (left.width, left.height)
-    pinhole = left.distortion_model != 'equidistant'
-    rectify = cv2.stereoRectify if pinhole else cv2.fisheye.stereoRectify
-    fit = {'alpha': 0.0} if pinhole else {'balance': 0.0}
-    coefficients = [np.zeros(4) if camera.D.size == 0 else camera.D.copy()
-                    for camera in (left, right)]
-    R_left, R_right, P_left, P_right = rectify(
-        left.K.copy(), coefficients[0], right.K.copy(), coefficients[1], size, rotation,
-        translation, flags=0, **fit)[:4]
-    return (R_left, P_left), (R_right, P_right)
 
 
 def _camera_from_info(name, info):

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...errors import ImageError
 from .geometry import RectifiedPair
+from .lenses import LENSES
 
 FAR_OUTSIDE = -1e4  # px, fits the 16-bit maps
 ROUNDING = 1 / 32   # px, the resolution of the maps
@@ -104,11 +105,7 @@ def raw_coordinates(camera):
         Raw pixel coordinates; FAR_OUTSIDE where the ray lies behind the raw camera.
 
     """
-    fisheye = camera.distortion_model == 'equidistant'
-    init_maps = cv2.fisheye.initUndistortRectifyMap if fisheye else cv2.initUndistortRectifyMap
-    coefficients = camera.D.copy() if camera.D.size else np.zeros(4)
-    x, y = init_maps(camera.K.copy(), coefficients, camera.R.copy(), camera.P[:, :3].copy(),
-                     (camera.width, camera.height), cv2.CV_32FC1)
+    x, y = LENSES[camera.distortion_model].rectifying_map(camera)
     behind = _depth_along_raw_axis(camera) <= 0
     x[behind] = FAR_OUTSIDE
     y[behind] = FAR_OUTSIDE

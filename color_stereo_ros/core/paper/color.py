@@ -7,19 +7,10 @@ import cv2
 import numpy as np
 
 from . import kernels
+from .tuning import TUNING
 
-BRIGHTNESS = 255.0   # lambda of the paper: the sum of the components after scaling
-ESTIMATE = -1.0      # value of color.dark_level that asks for an estimate
-DARK_PERCENTILE = 5.0  # of the weakest component
-BLUR_REACH = 3.0     # standard deviations that the smoothing looks to each side
-DARK_STEP = 8        # px, the dark level is estimated from every eighth row and column
-SPOT_STEP = 16       # px, statistics look at one spot of so many rows and columns
-SPOT_SIZE = 4        # px, rows and columns of a spot
-GAIN_ITERATIONS = 4
-MIN_GAIN_SAMPLES = 50
-# Differences between the cameras' log gains: below the first they are taken for an error of the
-# estimate (two cameras of one type), above the second for real; in between part of them counts.
-CAMERA_DIFFERENCE = (0.20, 0.35)
+ESTIMATE = -1.0  # value of color.dark_level that asks for an estimate
+COLORS = TUNING.colors
 
 
 class ColorCorrection:
@@ -85,7 +76,7 @@ class ColorCorrection:
         kernels.correct_colors(
             image, inside, dark, gains, np.float32(settings.min_signal),
             settings.saturation_level, settings.zero_weakest,
-            np.float32(BRIGHTNESS if settings.scale else 0.0), colors, reason)
+            np.float32(COLORS.brightness if settings.scale else 0.0), colors, reason)
         return smoothed(colors, reason, settings.smoothing, blurred), reason
 
     def _buffers(self, side, shape):
@@ -104,10 +95,12 @@ def estimated_dark_level(image, inside):
     Where one component of the pattern is zero, and in shadows, a camera shows its dark level.
 
     """
-    sample = image[::DARK_STEP, ::DARK_STEP][inside[::DARK_STEP, ::DARK_STEP]]
+    step = COLORS.dark_step
+    sample = image[::step, ::step][inside[::step, ::step]]
     if sample.size == 0:
         return np.zeros(3, np.float32)
-    return np.full(3, np.percentile(sample.min(axis=1), DARK_PERCENTILE), np.float32)
+    level = np.percentile(sample.min(axis=1), COLORS.dark_percentile)
+    return np.full(3, level, np.float32)
 
 
 def brightness_samples(image, inside, dark, settings):
@@ -125,14 +118,15 @@ def brightness_samples(image, inside, dark, settings):
     Returns
     -------
     first, second : numpy.ndarray, float32, shape (n, 3)
-        DN above the dark level; the spots are SPOT_STEP apart in a row or a column.
+        DN above the dark level; the spots are `spot_step` apart in a row or a column.
 
     """
-    rows, columns = (size // SPOT_STEP for size in inside.shape)
+    rows, columns = (size // COLORS.spot_step for size in inside.shape)
     colors = np.empty((rows, columns, 3), np.float32)
     lit = np.empty((rows, columns), np.bool_)
     kernels.average_spots(image, inside, dark, np.float32(settings.min_signal),
-                           settings.saturation_level, SPOT_STEP, SPOT_SIZE, colors, lit)
+                          settings.saturation_level, COLORS.spot_step, COLORS.spot_size, colors,
+                          lit)
     in_row = lit[:, 1:] & lit[:, :-1]
     in_column = lit[1:] & lit[:-1]
     return (np.concatenate((colors[:, 1:][in_row], colors[1:][in_column])),
@@ -159,13 +153,13 @@ def equal_brightness_gains(first, second):
 
     """
     gains = np.ones(3, np.float32)
-    if len(first) < MIN_GAIN_SAMPLES:
+    if len(first) < COLORS.least_gain_samples:
         return gains
     difference, total = first - second, first + second
-    for _ in range(GAIN_ITERATIONS):
-        brightness = np.maximum(total @ gains, 1e-3)
+    for _ in range(COLORS.gain_iterations):
+        brightness = np.maximum(total @ gains, COLORS.least_brightness)
         contrast = difference @ gains / brightness
-        scale = 1.5 * np.median(np.abs(contrast)) + 1e-6
+        scale = COLORS.robust_scale * np.median(np.abs(contrast)) + COLORS.least_contrast
         # Cauchy weights; division by the brightness compares relative differences.
         weights = 1.0 / ((1.0 + (contrast / scale) ** 2) * brightness ** 2)
         unlike = (difference * weights[:, None]).T @ difference
@@ -180,7 +174,7 @@ def equal_brightness_gains(first, second):
 def _smallest_ratio(above, below):
     """Return the vector g that minimizes (g above g) / (g below g), its sum positive."""
     above, below = np.float64(above), np.float64(below)
-    ridge = (1e-6 * np.trace(below) + 1e-12) * np.eye(3)
+    ridge = (COLORS.relative_ridge * np.trace(below) + COLORS.absolute_ridge) * np.eye(3)
     root = np.linalg.inv(np.linalg.cholesky(below + ridge))
     vector = root.T @ np.linalg.eigh(root @ above @ root.T)[1][:, 0]
     return vector * np.sign(vector.sum())
@@ -195,7 +189,7 @@ def split_gains(shared, left, right):
     """
     difference = np.log(left / right)
     difference -= np.median(difference)
-    low, high = CAMERA_DIFFERENCE
+    low, high = COLORS.camera_difference
     share = np.clip((np.abs(difference) - low) / (high - low), 0.0, 1.0)
     half = np.exp(0.5 * share * difference)
     return (shared * half).astype(np.float32), (shared / half).astype(np.float32)
@@ -219,7 +213,7 @@ def smoothed(colors, reason, deviation, blurred):
     """
     if deviation == 0:
         return colors
-    size = 2 * math.ceil(BLUR_REACH * deviation) + 1
+    size = 2 * math.ceil(COLORS.blur_reach * deviation) + 1
     cv2.GaussianBlur(colors, (size, size), deviation, dst=blurred,
                      borderType=cv2.BORDER_REPLICATE)
     kernels.normalize(blurred, reason)

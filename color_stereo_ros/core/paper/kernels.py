@@ -18,16 +18,20 @@ import numpy as np
 
 from ..status_codes import (
     AMBIGUOUS, DARK, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED, VALID)
+from .tuning import TUNING
 
-COST_UNIT = 2.0      # stored cost per DN^2
-COST_CAP = 16000     # stored cost of colors 89 DN apart and more: bounds what an outlier counts
-FAR = 1.0e3          # color ratio that no lit pixel has
-UNKNOWN_COST = 2000  # stored cost of any color against an unusable left pixel
-NO_COST = 2 ** 31 - 1
-NO_INDEX = 2 ** 30
-SURE = 16.0          # log likelihood ratio beyond which a winner has no rival
-LANES = 32
-PADDING_COST = 2 ** 30  # more than 63 x 63 times COST_CAP
+# Constants of `tuning`, compiled into the kernels.
+COST_UNIT = TUNING.search.cost_unit
+COST_CAP = TUNING.search.cost_cap
+FAR = TUNING.search.unlit_ratio
+UNKNOWN_COST = TUNING.search.unknown_cost
+NO_COST = TUNING.search.no_cost
+NO_INDEX = TUNING.search.no_index
+SURE = TUNING.search.sure_evidence
+LANES = TUNING.search.lanes
+PADDING_COST = TUNING.search.padding_cost
+LEAST_COMPONENT = TUNING.search.least_component
+LEAST_SUM = TUNING.colors.least_sum
 
 
 def band_count():
@@ -71,7 +75,7 @@ def correct_colors(image, inside, dark, gains, min_signal, saturation, zero_weak
                     b = b if b > weakest else np.float32(0.0)
                 factor = np.float32(1.0)
                 if target > 0:
-                    factor = target / max(r + g + b, np.float32(1e-6))
+                    factor = target / max(r + g + b, np.float32(LEAST_SUM))
                 corrected[y, x, 0] = r * factor
                 corrected[y, x, 1] = g * factor
                 corrected[y, x, 2] = b * factor
@@ -132,7 +136,7 @@ def _fill_right_row(colors, first, ratios_p, ratios_q):
         x = width - 1 - first - i
         if colors[x, 3] > 0:
             for m in range(3):
-                scale = np.float32(1.0) / max(colors[x, m], np.float32(1e-3))
+                scale = np.float32(1.0) / max(colors[x, m], np.float32(LEAST_COMPONENT))
                 ratios_p[m, i] = min(far, colors[x, (m + 1) % 3] * scale)
                 ratios_q[m, i] = min(far, colors[x, (m + 2) % 3] * scale)
 
@@ -159,7 +163,7 @@ def _add_cost_row(colors, ratios_p, ratios_q, ring, sums):
             m = 2
         strongest = colors[x, m]
         weight = unit * strongest * strongest
-        divisor = max(strongest, np.float32(1e-3))
+        divisor = max(strongest, np.float32(LEAST_COMPONENT))
         p = colors[x, (m + 1) % 3] / divisor
         q = colors[x, (m + 2) % 3] / divisor
         least = half

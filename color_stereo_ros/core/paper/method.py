@@ -6,14 +6,33 @@ import math
 import cv2
 import numpy as np
 
-from ..results import Match
-from ..triangulation import search_interval
+from ..results import Match, Measurement
+from ..triangulation import depth_from_disparity, search_interval
 from . import kernels
 from .color import ColorCorrection
+from .tuning import TUNING
 
 SUBPIXEL_CODES = {'none': 0, 'parabola': 1, 'weighted': 2}
-TILE = 16            # px, side of the tiles whose median is the surroundings' disparity
-MOSAIC_BLUR = 1.2    # px, standard deviation of the noise correlation of single-chip cameras
+TILE = TUNING.search.tile
+
+
+class PaperMethod:
+    """The paper's steps: rectify, correct and search, triangulate."""
+
+    def __init__(self, settings, calibration, limits, rectifier):
+        """Allocate the search."""
+        self._rectifier = rectifier
+        self._matcher = PaperMatcher(settings, calibration.geometry, limits)
+
+    def measure(self, left, right, clock):
+        """Measure one pair; see `Method.make`."""
+        pair = self._rectifier.rectify(left, right)
+        clock.lap('rectify')
+        match = self._matcher.match(pair)
+        clock.lap('match')
+        depth = depth_from_disparity(match.disparity, pair.geometry)
+        clock.lap('triangulate')
+        return Measurement(**vars(match), depth=depth)
 
 
 class PaperMatcher:
@@ -99,7 +118,7 @@ def independent_pixels(settings):
 
     """
     pixels = settings.matching.window_width * settings.matching.window_height
-    area = 4.0 * math.pi * (settings.color.smoothing ** 2 + MOSAIC_BLUR ** 2)
+    area = 4.0 * math.pi * (settings.color.smoothing ** 2 + TUNING.search.mosaic_blur ** 2)
     return max(1.0, pixels / area)
 
 

@@ -37,23 +37,17 @@ class CoarseSearch:
         Of the image, px.
     limits : (float, float)
         Smallest and largest disparity, px.
-    prior : Prior
-        What to expect of the colors.
-    soft : float
-        What was added to the brightness before chromaticities were divided by it, DN.
+    matching : MatchingSettings
+        Of which `texture` and `smoothness` are factors.
+    tuning : Tuning
     arena : Arena
 
     """
 
-    SCALE = F4(64.0)  # int16 steps per unit of chromaticity
-    KNEE = F4(12.0)   # DN of summed channels at which a color is fully trusted
-    CAP, NEUTRAL = np.int16(160), np.int16(70)
-    SMALL_STEP, LARGE_STEP = 60, 600  # penalties, in costs summed with weights of eight in all
-    REGION = 41, 41   # nodes, in which the share of clear ones is counted
-
-    def __init__(self, nodes, width, limits, prior, soft, arena):
+    def __init__(self, nodes, width, limits, matching, tuning, arena):
         """Allocate the volumes."""
-        self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / 320.0)))
+        coarse = self.tuning = tuning.coarse
+        self.factor = 2 ** max(1, math.floor(math.log2(max(width, 1) / coarse.image_width)))
         while self.factor > 2 and self.factor > min(nodes):  # a wide, low strip
             self.factor //= 2
         h, w = (max(1, count // self.factor) for count in nodes)
@@ -63,12 +57,15 @@ class CoarseSearch:
             (limits[0] / step, limits[1] / step)))
         self.first, depth = first - 1, last - first + 3
         # four path costs, each at most eight capped nodes and one penalty, must fit into int16
-        self.penalties = [np.int16(round(min(prior.smoothness, 10.0) * penalty))
-                          for penalty in (self.SMALL_STEP, self.LARGE_STEP)]
-        self.least_gap = round(prior.least_gap * self.LARGE_STEP)
-        self.prior = prior
-        self.texture = F4(self.SCALE * prior.texture)
-        self.soft = F4(soft)
+        smoothness = min(coarse.smoothness * matching.smoothness, coarse.largest_smoothness)
+        self.penalties = [np.int16(round(smoothness * penalty))
+                          for penalty in (coarse.small_step, coarse.large_step)]
+        self.least_gap = round(tuning.repetition.least_gap * coarse.large_step)
+        self.region = 2 * (tuning.repetition.surroundings,)
+        self.scale, self.full_trust = F4(coarse.color_scale), F4(coarse.full_trust)
+        self.texture = F4(coarse.color_scale * (coarse.texture * matching.texture))
+        self.softening = F4(tuning.views.softening)
+        self.costs = np.int16(coarse.cost_cap), np.int16(coarse.neutral_cost)
         self.allocate(h, w, depth, arena)
 
     def allocate(self, h, w, depth, arena):
@@ -108,7 +105,7 @@ class CoarseSearch:
         winners(self.upright.total, self.first, self.least_gap, self.disparity, self.clear,
                 self.best)
         if self.least_gap > 0:
-            cv2.blur(self.clear, self.REGION, dst=self.clear_share)
+            cv2.blur(self.clear, self.region, dst=self.clear_share)
         return self.seeds
 
     def aggregate(self):
@@ -117,10 +114,10 @@ class CoarseSearch:
         columns, lanes = upright.cost.shape[2], turned.cost.shape[2]
         # column x - d of the right image lies margin further on
         width, start = columns + 2 * self.margin, self.margin - self.first
-        cost_volume(upright.left, upright.flat_right, start, width, 1, self.CAP,
-                    self.NEUTRAL, upright.cost, upright.scratch)
-        cost_volume(turned.left, turned.flat_right, start * lanes, lanes, lanes, self.CAP,
-                    self.NEUTRAL, turned.cost, turned.scratch)
+        cost_volume(upright.left, upright.flat_right, start, width, 1, *self.costs,
+                    upright.cost, upright.scratch)
+        cost_volume(turned.left, turned.flat_right, start * lanes, lanes, lanes,
+                    *self.costs, turned.cost, turned.scratch)
         sgm_paths(upright.cost, turned.cost, *self.penalties, upright.total, turned.total,
                   self.path_scratch)
         add_turned(self.pairs, columns, upright.total)
@@ -129,12 +126,12 @@ class CoarseSearch:
         """Write u, v, texture and trust of both views."""
         for view, first, step, out in ((left, PAD, self.factor, self.upright.left),
                                        (right, 0, 2 * self.factor, self.colors)):
-            reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor, self.soft,
-                          self.SCALE, self.KNEE, out[0], out[1], self.brightness, out[3],
-                          self.sums)
+            reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor,
+                          self.softening, self.scale, self.full_trust, out[0], out[1],
+                          self.brightness, out[3], self.sums)
             self.fill_texture(out[2])
         self.upright.inner[:2], self.upright.inner[2:4] = (
-            half_way(self.colors[:2]) if self.prior.repeats else (self.colors[:2],) * 2)
+            half_way(self.colors[:2]) if self.least_gap > 0 else (self.colors[:2],) * 2)
         self.upright.inner[4:] = self.colors[2:]
 
     def turn(self):
@@ -148,9 +145,10 @@ class CoarseSearch:
 
     def fill_texture(self, out):
         """Write log brightness against its surroundings, int16: printed or natural texture."""
-        level = np.log(self.brightness + F4(self.prior.knee))
-        level -= cv2.blur(level, (self.prior.surroundings, self.prior.surroundings))
-        np.multiply(np.clip(level, -1, 1), self.texture, out=out, casting='unsafe')
+        level = np.log(self.brightness + F4(self.tuning.texture_offset))
+        level -= cv2.blur(level, 2 * (self.tuning.texture_surroundings,))
+        largest = self.tuning.largest_texture
+        np.multiply(np.clip(level, -largest, largest), self.texture, out=out, casting='unsafe')
 
 
 def half_way(colors):

@@ -17,12 +17,14 @@ from ..compiled.bands import band, banded
 from ..compiled.parts import part
 from ..compiled.stack import LENGTH, stack_integers
 from .grid_kernels import F4, FAST, I4, PAD
+from .tuning import TUNING
 
 I2 = np.int16
-REPETITION = 2  # coarse nodes: what is nearer to the best disparity is the same match
-AGREEMENT = 2   # coarse nodes: on a wall, neighbors share a right node and differ by that much
-GUARD = I2(8000)     # a path cost that loses against any other and leaves room to add to
 LARGEST = I2(32767)
+# Constants of `tuning`, compiled into the kernels.
+REPETITION = TUNING.repetition.rival_distance
+AGREEMENT = TUNING.coarse.agreement
+GUARD = I2(TUNING.coarse.guard_cost)
 
 
 @banded(fastmath=FAST)

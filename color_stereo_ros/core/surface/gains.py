@@ -77,5 +77,5 @@ def noise_weight(image, tuning):
     near, far = (cv2.norm(rows[:, step:], rows[:, :-step], cv2.NORM_L1) / (rows.shape[1] - step)
                  for step in (1, 2))
     low, high = tuning.noise_steps
-    share = np.clip((near / max(far, 1e-6) - low) / (high - low), 0, 1)
+    share = np.clip((near / max(far, tuning.least_change) - low) / (high - low), 0, 1)
     return demosaiced + share * (independent - demosaiced)

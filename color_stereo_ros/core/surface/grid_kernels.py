@@ -21,20 +21,21 @@ Kernels get bare arrays and write into them; meaning lives in `surface`, `half_g
 import numpy as np
 
 from ..compiled.parts import part
+from .tuning import TUNING
 
 FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
 F4 = np.float32
 I4 = np.int32
 U4 = np.uint32
-PAD = 8  # unknown nodes around a half grid: a wide window's margin, or a step and a patch's
-TILE_ROWS = 8
-TILE_COLUMNS = 32
-JITTER = F4(0.04)  # px^2: what demosaicing and blur move the colors of a pixel
-FLAT = F4(4.0)  # a chromaticity variance, before its scale is measured, without information
 NAN = F4(np.nan)
-MOST_WIDENING = F4(1 / 3)  # gain of second differences that makes three nodes a mean
-STEEPEST_FACE = F4(0.25)  # px of the right image that 1 px of the left shows: less is an edge
-CEILING = F4(30)  # of a misfit that counts as evidence
+# Constants of `tuning`, compiled into the kernels.
+PAD = TUNING.grid.frame
+TILE_ROWS, TILE_COLUMNS = TUNING.grid.tile_rows, TUNING.grid.tile_columns
+JITTER = F4(TUNING.grid.phase_variance)
+FLAT = F4(TUNING.grid.uninformative_variance)
+MOST_WIDENING = F4(TUNING.grid.largest_blur_gain)
+STEEPEST_FACE = F4(TUNING.grid.least_foreshortening)
+CEILING = F4(TUNING.grid.misfit_cap)
 
 
 @part()

@@ -18,7 +18,7 @@ the half grid.
 import numpy as np
 
 from ..compiled.arena import Arena
-from ..patterns.expectation import Expectation, Prior
+from ..patterns.expectation import Expectation
 from .coarse import CoarseSearch
 from .grid import HalfGrid
 from .grid_kernels import F4
@@ -28,7 +28,7 @@ from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .trust import Trust
 from .tuning import tuning_for
-from .views import SOFT, Views
+from .views import Views
 
 
 class SurfaceMethod:
@@ -55,13 +55,12 @@ class SurfaceMethod:
         self.limits = np.array(limits, F4)
         grid = HalfGrid(self.geometry.height, self.geometry.width)
         arena = Arena()
-        prior = Prior.of(settings, self.geometry.width)
         if tuning is None:
             tuning = tuning_for(Expectation.of(settings.pattern), self.geometry.width)
         self.tuning = tuning
-        self.views = Views(calibration, grid, settings, tuning.views, prior.blur, rectified_input,
-                           arena)
-        self.coarse = CoarseSearch(grid.nodes, grid.width, limits, prior, SOFT, arena)
+        self.views = Views(calibration, grid, settings, tuning.views, rectified_input, arena)
+        self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
+                                   arena)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,

@@ -9,10 +9,12 @@ from ..compiled.stack import stack_array, stack_row
 from .grid_kernels import (
     any_above, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN, PAD, TILE_COLUMNS,
     TILE_ROWS)
+from .tuning import TUNING
 
-HALO = 2  # of a cost patch: 3 x 3 mean, then the best of 3 x 3 shifted windows
+# Constants of `tuning`, compiled into the kernels.
+HALO, MARGIN = TUNING.neighbors.halo, TUNING.neighbors.patch_margin
+NEUTRAL = F4(TUNING.neighbors.neutral_share)
 PATCH_ROWS = TILE_ROWS + 2 * HALO
-MARGIN = 4  # columns of a patch beside its tile: HALO, and a whole number of vectors in all
 PATCH_COLUMNS = TILE_COLUMNS + 2 * MARGIN
 stack_tile = stack_array(F4, TILE_ROWS, TILE_COLUMNS)
 stack_patch = stack_array(F4, PATCH_ROWS, PATCH_COLUMNS)
@@ -25,8 +27,8 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
     Truncated misfit of one tile and its halo under the planes of nodes (step_y, step_x) away.
 
     The left view is blurred as the plane demands, see `foreshortening`. `cap` where the plane is
-    unknown or leads outside the right image; half of it where the right image is too dark to
-    speak for or against.
+    unknown or leads outside the right image; the share NEUTRAL of it where the right image is
+    too dark to tell.
 
     """
     width = right_u.shape[1]
@@ -67,7 +69,7 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
                       + JITTER * (slope_u * slope_u + slope_v * slope_v))
             chi = (error_u * error_u + error_v * error_v) / spread
             chi = min(chi, cap)
-            chi = chi if noise < FLAT else F4(0.5) * cap
+            chi = chi if noise < FLAT else NEUTRAL * cap
             misfits[x] = chi if known else cap
         for x in range(PATCH_COLUMNS):
             row[x] = misfits[x]

@@ -63,6 +63,7 @@ def color_matrix(views, planes, scale, tuning):
     normal, target = tuning.color_prior * np.eye(3), tuning.color_prior * np.eye(3, 2)
     left, right = views.left, views.right
     add_color_sums(left.u, left.v, right.u, right.v, planes.d, planes.misfit,
-                   F4(tuning.robust_misfit) * scale, *views.grid.nodes, *tuning.adapt_steps, normal, target)
+                   F4(tuning.robust_misfit) * scale, *views.grid.nodes, *tuning.adapt_steps,
+                   normal, target)
     # rows in memory as in `PairModel.neutral`: another layout would compile the kernels again
     return np.ascontiguousarray(np.linalg.solve(normal, target).T, F4)

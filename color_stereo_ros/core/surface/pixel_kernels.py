@@ -9,8 +9,9 @@ from ..compiled.stack import stack_row
 from ..status_codes import INCONSISTENT, OUT_OF_RANGE, VALID
 from .grid_kernels import F4, FAST, NAN, PAD, TILE_COLUMNS
 from .trust_kernels import HOPELESS, LEAST_ODDS, MOST_ODDS
+from .tuning import TUNING
 
-OWN_SHARE = F4(0.25)  # of a node in the log-odds of its pixels, beside the interpolated ones
+OWN_SHARE = F4(TUNING.pixels.own_share)  # compiled into the kernels
 
 
 @part(fastmath=FAST)

@@ -9,11 +9,13 @@ from ..compiled.stack import stack_array, stack_row
 from .grid_kernels import (
     any_above, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN, PAD, TILE_COLUMNS,
     TILE_ROWS)
+from .tuning import TUNING
 
-RADIUS = 4  # of the least-squares window, nodes
-WIDE_RADIUS = 7  # likewise where one surface fills a tile and as much around it
-SPAN = 4  # nodes, over which a surface must be even to be fitted without a gate
-LEAST_WEIGHT = F4(1e-2)  # px^-2 of a window: less is rounding
+# Constants of `tuning`, compiled into the kernels.
+RADIUS, WIDE_RADIUS = TUNING.planes.radius, TUNING.planes.wide_radius
+SPAN = TUNING.planes.span
+LEAST_WEIGHT = F4(TUNING.planes.least_weight)
+LEAST_SIGNAL = F4(TUNING.planes.least_signal_share)
 
 
 @banded(fastmath=FAST)
@@ -280,7 +282,7 @@ def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, ne
         solved_a[x] = slope_x if known else a[x]
         solved_b[x] = slope_y if known else b[x]
         signal = sums[0, x] - noise_weight * sums[9, x]
-        known = known & (signal > F4(0.02) * s0)
+        known = known & (signal > LEAST_SIGNAL * s0)
         spreads[x] = (inverse + spread) * (s0 / signal) if known else F4(np.inf)
     for x in range(TILE_COLUMNS):
         new_d[x] = solved_d[x]

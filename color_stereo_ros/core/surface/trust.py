@@ -123,7 +123,8 @@ class Trust:
         least_nodes = self.settings.matching.min_segment // 4
         if least_nodes > 1:
             remove_islands(*planes, self.log_odds, views.left.s, F4(self.tuning.bright),
-                           *self.grid.nodes, F4(self.tuning.continuous), least_nodes, *self.segments)
+                           *self.grid.nodes, F4(self.tuning.continuous), least_nodes,
+                           *self.segments)
 
     def find_hidden(self, planes):
         """Mark nodes whose place in the right image shows a more trusted surface."""

@@ -11,16 +11,24 @@ from ..compiled.stack import LENGTH, stack_row
 from ..status_codes import (
     AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
 from .grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
+from .tuning import TUNING
 
-CORRELATED = F4(1.2)  # variance of neighbors that share their noise, fitted on simulated scenes
-BENT = F4(0.8)        # standard deviation per distance of the neighbors, fitted likewise
-ISLAND = F4(-50)    # log-odds of a node in too small a segment
-WHOLE = 16          # what a bright node counts in a segment; a black one counts 1
-HOPELESS = F4(-200)  # log-odds where no range is possible
-LEAST_ODDS, MOST_ODDS = F4(-6), F4(14)  # of a node, where they are interpolated; 14: 1 - 1e-6
-UNKNOWN = F4(-100)  # log-odds of a node without disparity
-PITCH_DARK = F4(1)  # DN of summed channels: darker nodes get no range from their neighbors
-MURK = F4(3)      # DN of summed channels: below, brightness is mostly noise and scattered light
+# Constants of `tuning`, compiled into the kernels.
+CORRELATED, BENT = F4(TUNING.trust.correlated), F4(TUNING.trust.bent)
+ISLAND = F4(TUNING.trust.island_odds)
+UNKNOWN = F4(TUNING.trust.unknown_odds)
+HOPELESS = F4(TUNING.trust.hopeless_odds)
+LEAST_ODDS, MOST_ODDS = F4(TUNING.trust.odds_limits[0]), F4(TUNING.trust.odds_limits[1])
+WHOLE = TUNING.trust.bright_size
+PITCH_DARK = F4(TUNING.trust.unlit)
+MURK = F4(TUNING.trust.imbalance_offset)
+MOST_VARIANCE = F4(TUNING.trust.variance_cap)
+MOST_DISTANCE = F4(TUNING.trust.distance_cap)
+MOST_IMBALANCE = F4(TUNING.trust.imbalance_cap)
+UNMATCHED = F4(TUNING.trust.unmatched_share)
+SEPARATE_SLOPE = F4(TUNING.trust.separate_slope)
+LEAST_REACH, MOST_REACH = (F4(TUNING.trust.footprint_limits[0]),
+                           F4(TUNING.trust.footprint_limits[1]))
 
 
 @serial(fastmath=FAST)
@@ -100,9 +108,10 @@ def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, co
                 other = low + (high - low) * (place - F4(at))
                 e0[x] = math.sqrt(capped(fit[x]))
                 e1[x] = math.sqrt(total * ninth)
-                e2[x] = math.sqrt(math.sqrt(min(spread[x], F4(1))))
+                e2[x] = math.sqrt(math.sqrt(min(spread[x], MOST_VARIANCE)))
                 e3[x] = math.sqrt(quarter * apart)
-                e4[x] = math.sqrt(min(abs(imbalance(own_s[x], other) - usual[x]), F4(1)))
+                e4[x] = math.sqrt(min(abs(imbalance(own_s[x], other) - usual[x]),
+                                      MOST_IMBALANCE))
                 known = (center == center) & (spread[x] < F4(np.inf))
                 odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
                 log_odds[x] = odds if known else UNKNOWN
@@ -134,9 +143,9 @@ def capped(misfit):
 
 @part(fastmath=FAST)
 def apartness(difference):
-    """Return the magnitude of a difference, at most 2 px; NaN counts as that."""
+    """Return the magnitude of a difference, at most MOST_DISTANCE; NaN counts as that."""
     size = abs(difference)
-    return size if size < F4(2) else F4(2)
+    return size if size < MOST_DISTANCE else MOST_DISTANCE
 
 
 @part()
@@ -285,7 +294,7 @@ def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, owners,
             places, leans = dd[start:start + count], aa[start:start + count]
             for i in range(count):
                 center = F4(2 * (start + i)) - (places[i] if places[i] == places[i] else F4(0))
-                reach = min(max(F4(0.5), F4(1) - F4(0.5) * leans[i]), F4(4))
+                reach = min(max(LEAST_REACH, F4(1) - F4(0.5) * leans[i]), MOST_REACH)
                 lows[i] = -whole_below(reach - center)
                 highs[i] = whole_below(center + reach)
             for i in range(count):
@@ -310,7 +319,7 @@ def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, owners,
                 away = F4(x) - F4(rival)
                 apart = abs(dd[at] + aa[at] * away - dd[x])
                 flags[i] = F4(1) if known & (
-                    apart > tolerance + F4(0.25) * abs(away)) else F4(0)
+                    apart > tolerance + SEPARATE_SLOPE * abs(away)) else F4(0)
             for i in range(count):
                 marks[start + i] = flags[i] > F4(0)
 
@@ -350,7 +359,7 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
                 outside = peaks[x] < F4(0)
                 inside_limits = (dd[x] >= lowest) & (dd[x] <= highest)  # not if NaN
                 # the first reason in the order of looking wins: it is asked for last
-                code = NO_MATCH if fit[x] > F4(0.3) * CEILING else IMPLAUSIBLE
+                code = NO_MATCH if fit[x] > UNMATCHED * CEILING else IMPLAUSIBLE
                 code = AMBIGUOUS if spread > vague else code
                 code = INCONSISTENT if is_hidden else code
                 code = code if inside_limits else OUT_OF_RANGE

@@ -72,9 +72,12 @@ class ViewTuning(Constants):
         (6.0, 0.25, 0.0006), 'DN^2, DN, 1', 'Camera noise: variance of the sum of the channels = '
         'floor + shot s + relative s^2.',
         chosen('A plausible camera; the scale is measured in each pair. ' + FIRST))
-    kernel_variance: float = constant(
-        0.75, 'px^2', 'Variance of the kernel of a pixel behind a mosaic, and of a sum of two.',
+    pixel_variance: float = constant(
+        0.75, 'px^2', 'Variance of the point spread of a sum of two pixels behind a mosaic.',
         derived('Linear demosaicing, (1 2 1) / 4, adds 1/2 px^2, a sum of two pixels 1/4 px^2.'))
+    foreshortening: bool = constant(
+        True, '1', 'Blur the left view of a plane as the right one (`matching.foreshortening`).',
+        derived('The blur of steep colors shows.'))
     least_gain: float = constant(
         0.02, '1', 'Smallest gain of second differences that is worth the time.',
         chosen('Below it, unequal blur is left as it is (66e73be).'))
@@ -147,6 +150,9 @@ class ViewTuning(Constants):
         (0.85, 0.95), '1', 'Change to the next pixel over change to the next but one: demosaiced '
         'noise below the first, independent noise above the second.',
         chosen('Independent noise has a ratio of 1, linear interpolation lowers it (61b5d22).'))
+    least_change: float = constant(
+        1e-6, 'DN', 'Smallest change that the other one is divided by.',
+        derived('Far below one step of the camera; prevents division by 0.'))
     noise_rows: tuple = constant(
         (8, 32), 'px', 'First row and distance of the rows that this ratio is read from.',
         chosen('15 rows of an image of 480 (61b5d22). ' + OPEN))
@@ -280,9 +286,6 @@ class PlaneTuning(Constants):
     color_matching: bool = constant(
         True, '1', 'Measure the color difference of the cameras from each pair '
         '(`matching.color_matching`).', derived('Steep colors tell color and place apart.'))
-    foreshortening: bool = constant(
-        True, '1', 'Blur the left view of a plane as the right one (`matching.foreshortening`).',
-        derived('The blur of steep colors shows.'))
     noise_correlation: float = constant(
         1.0, '1', 'Factor of the variance of planes for noise that averaged colors share.',
         derived('Colors that are not averaged share no noise.'))
@@ -508,7 +511,7 @@ def slow(radius):
             '.70 -> .78 (1a505a2).')),
         'planes.color_matching': Change(False, chosen(
             'A shift of slow colors looks like a color difference of the cameras. ' + OPEN)),
-        'planes.foreshortening': Change(False, derived(
+        'views.foreshortening': Change(False, derived(
             'Averaged colors change too slowly for their blur to show.')),
         'planes.noise_correlation': Change(noise_correlation(radius), derived(
             'See `noise_correlation`; z-scores 7 to 8 -> 1.0 to 1.6 (358af77).')),

@@ -9,6 +9,11 @@ from ..compiled.bands import band, banded, serial
 from ..compiled.parts import part
 from ..compiled.stack import LENGTH, stack_row
 from .grid_kernels import F4, FAST, FLAT, I4, PAD, U4
+from .tuning import TUNING
+
+# Constants of `tuning`, compiled into the kernels.
+DARK_RANK = TUNING.views.dark_level_rank
+LEAST_BRIGHTNESS = F4(TUNING.views.least_brightness)
 
 
 @banded()
@@ -44,7 +49,7 @@ def channel_levels(pixels, step, known_dark, darkest, dark, mean):
     Dark level and mean above it of each channel (float32 (3,), DN) in every step-th pixel.
 
     pixels is uint8 (H, W, 3 or more). The dark level is known_dark, or if that is negative the
-    level that half a percent of the pixels do not exceed, at most `darkest`: above that is light.
+    level that one in DARK_RANK pixels does not exceed, at most `darkest`: above that is light.
 
     """
     counts = np.zeros((3, 256), np.int64)
@@ -58,7 +63,7 @@ def channel_levels(pixels, step, known_dark, darkest, dark, mean):
         level = known_dark
         if known_dark < F4(0):
             at, seen = 0, counts[channel, 0]
-            while at < darkest and seen <= total // 200:
+            while at < darkest and seen <= total // DARK_RANK:
                 at += 1
                 seen += counts[channel, at]
             level = F4(at)
@@ -147,7 +152,7 @@ def sample_row(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation,
             b = max(b - dark_b, zero) * gain_b
             total = r + g + b
             scale = one / (total + soft)
-            inverse = one / max(total, F4(1e-3))
+            inverse = one / max(total, LEAST_BRIGHTNESS)
             spread = relative + inverse * (shot + floor * inverse)
             silent = outside | (highest >= saturation) | (spread > FLAT)
             us[x] = zero if outside else (r + r - g - b) * scale

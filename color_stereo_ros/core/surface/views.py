@@ -20,17 +20,6 @@ from .grid import framed_area
 from .grid_kernels import F4, FLAT, PAD
 from .view_kernels import box_sums, channel_levels, sample_colors
 
-SOFT = F4(0.5)      # DN: keeps the chromaticity of black finite
-NOISE = F4(6.0), F4(0.25), F4(0.0006)  # DN^2, DN, 1: a plausible camera; its scale is measured
-PIXEL_VARIANCE = 0.75  # px^2, of a pixel behind a mosaic and the sum of two of them
-LEAST_GAIN, MOST_GAIN = 0.02, 0.25  # of second differences: worth the time, and still tame
-FOLD = 0.1          # of the usual area of a node in the raw image: less is no image of anything
-DARKEST = 24  # DN: an estimated dark level above this is light
-PRINT_KNEE = F4(24.0)  # DN added to the brightness before its logarithm
-PRINT_RADIUS = 4  # nodes around, than which print is brighter or darker by
-LEAST_PRINT = F4(0.2)  # or more; what exceeds that counts as chromaticity
-PRINT_GAIN = F4(0.6)  # times so much, under slow patterns
-
 
 class Views:
     """
@@ -42,8 +31,6 @@ class Views:
     grid : HalfGrid
     settings : Settings
     tuning : ViewTuning
-    blur : int
-        Radius over which colors are averaged, nodes.
     rectified_input : bool
         The images arrive rectified already.
     arena : Arena
@@ -60,21 +47,21 @@ class Views:
 
     """
 
-    def __init__(self, calibration, grid, settings, tuning, blur, rectified_input, arena):
+    def __init__(self, calibration, grid, settings, tuning, rectified_input, arena):
         """Build the maps of both cameras and make their point spreads alike."""
-        self.grid, self.settings, self.tuning, self.blur = grid, settings, tuning, blur
+        self.grid, self.settings, self.tuning = grid, settings, tuning
         rows, columns = grid.nodes
-        self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input, arena)
+        self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input,
+                         tuning, arena)
         self.right = View(calibration.right, rows, grid.width - 1, 1,
-                          (grid.shape[0], grid.width), rectified_input, arena)
+                          (grid.shape[0], grid.width), rectified_input, tuning, arena)
         both = self.left, self.right
         known = np.concatenate([view.psf_variance[np.isfinite(view.psf_variance)]
                                 for view in both])
         variance = np.median(known) if known.size else 0.0
         for view in both:
             view.even_out(variance, arena)
-        # averaged colors change too slowly for their blur to show
-        foreshortened = settings.matching.foreshortening and not blur
+        foreshortened = settings.matching.foreshortening and tuning.foreshortening
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
 
@@ -92,16 +79,31 @@ class Views:
         levels = [self.left.load(left, color), self.right.load(right, color)]
         gains = channel_gains(levels, color, self.tuning)
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
-            view.fill(dark, gain, color, self.blur)
-        self.noise_weight = F4(noise_weight(left, self.tuning) / (1 + 2 * self.blur) ** 2)
+            view.fill(dark, gain, color)
+        averaged = (1 + 2 * self.tuning.averaging_radius) ** 2
+        self.noise_weight = F4(noise_weight(left, self.tuning) / averaged)
         return self
 
 
 class View:
-    """The colors of one camera on its half grid, and the buffers for them."""
+    """
+    The colors of one camera on its half grid, and the buffers for them.
 
-    def __init__(self, camera, rows, columns, step_x, shape, rectified, arena):
-        """Build the map; see `half_grid_index` for the arguments."""
+    See `half_grid_index` for the other parameters.
+
+    Parameters
+    ----------
+    rectified : bool
+        The images arrive rectified already.
+    tuning : ViewTuning
+    arena : Arena
+
+    """
+
+    def __init__(self, camera, rows, columns, step_x, shape, rectified, tuning, arena):
+        """Build the map."""
+        self.tuning = tuning
+        self.noise = tuple(F4(each) for each in tuning.noise)
         places = None if rectified else raw_coordinates(
             half_grid_camera(camera, rows, columns, step_x))
         self.index = [arena.copy(each) for each in half_grid_index(
@@ -110,7 +112,7 @@ class View:
         self.pixels = arena.empty((camera.height, camera.width, 4), np.uint8)
         self.box = arena.empty((camera.height, camera.width), np.uint32)
         self.columns_per_node = 2 // step_x
-        self.psf_variance = psf_variance(camera, rows, columns, step_x, places)
+        self.psf_variance = psf_variance(camera, rows, columns, step_x, places, tuning)
         self.widening = np.empty((2, 0, 0), F4)
         self.ring = arena.empty((BANDS, 3, 3, shape[1]), F4)
         self.u, self.v, self.s, self.peak, self.variance = (
@@ -121,8 +123,9 @@ class View:
         step_x = 2 // self.columns_per_node
         squares = np.array([[[step_x ** 2]], [[2 ** 2]]])
         gain = np.nan_to_num(0.5 * (variance - self.psf_variance) / squares)
-        gain = np.clip(gain, -MOST_GAIN, MOST_GAIN)
-        if np.abs(gain).max() < LEAST_GAIN:
+        largest = self.tuning.largest_gain
+        gain = np.clip(gain, -largest, largest)
+        if np.abs(gain).max() < self.tuning.least_gain:
             return
         self.widening = arena.zeros((2, *self.u.shape), F4)
         inner = framed_area(*gain.shape[1:], first_column(step_x))
@@ -144,57 +147,67 @@ class View:
 
         """
         cv2.cvtColor(image, cv2.COLOR_RGB2RGBA, dst=self.pixels)  # four bytes are one number
-        step = min(16, max(1, min(image.shape[:2]) // 32))
+        tuning = self.tuning
+        step = min(tuning.sample_step, max(1, min(image.shape[:2]) // tuning.sample_rows))
         dark, mean = np.empty((2, 3), F4)
-        channel_levels(self.pixels, step, F4(color.dark_level), DARKEST, dark, mean)
+        channel_levels(self.pixels, step, F4(color.dark_level), tuning.largest_dark_level, dark,
+                       mean)
         return dark, mean
 
-    def fill(self, dark, gain, color, blur):
+    def fill(self, dark, gain, color):
         """
         Rectify the image into chromaticity, brightness and variance.
 
-        dark: as `load` returns it; gain: float32 (3,) of the channels. blur is the radius, in
-        nodes, over which the colors of slow patterns are averaged.
+        dark: as `load` returns it; gain: float32 (3,) of the channels.
 
         """
         box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
         sample_colors(self.box.reshape(-1), *self.index, np.uint32(self.box.shape[1]),
-                      dark, gain, SOFT, F4(color.saturation_level - 1), NOISE,
-                      self.widening, self.ring, self.u, self.v, self.s, self.peak,
+                      dark, gain, F4(self.tuning.softening), F4(color.saturation_level - 1),
+                      self.noise, self.widening, self.ring, self.u, self.v, self.s, self.peak,
                       self.variance)
-        if blur:
-            size = (1 + 2 * blur * self.columns_per_node, 1 + 2 * blur)
-            for plane in (self.u, self.v):
-                plane[:] = cv2.blur(plane, size)
-            # the noise of neighbors is correlated: averaging helps half as much as counting says
-            informed = self.variance < FLAT
-            self.variance[informed] *= F4(2.0 / (1 + 2 * blur) ** 2)
+        if self.tuning.averaging_radius:
+            self.average()
+        if self.tuning.print_gain:
             self.add_print()
+
+    def average(self):
+        """Average the chromaticities of slow colors over the nodes around each one."""
+        size = self.window(self.tuning.averaging_radius)
+        for plane in (self.u, self.v):
+            plane[:] = cv2.blur(plane, size)
+        # the noise of neighbors is correlated: averaging helps less than counting says
+        informed = self.variance < FLAT
+        self.variance[informed] *= F4(self.tuning.averaged_noise / size[1] ** 2)
 
     def add_print(self):
         """
         Let print show in the first chromaticity, beside colors that change slowly.
 
         Its edges are steep, and both cameras see them alike. Shading is not, and noise does not
-        exceed LEAST_PRINT where there is light.
+        exceed `least_print` where there is light.
 
         """
-        level = np.log(self.s + PRINT_KNEE)
+        level = np.log(self.s + F4(self.tuning.print_offset))
         level[~self.inside] = 0  # the edge of the image is no print
         mean = self.surroundings(level) / self.inside_share
         np.subtract(level, mean, out=level, where=self.inside)
-        excess = np.maximum(np.abs(level) - LEAST_PRINT, F4(0))
-        self.u += PRINT_GAIN * np.copysign(excess, level)
+        excess = np.maximum(np.abs(level) - F4(self.tuning.least_print), F4(0))
+        self.u += F4(self.tuning.print_gain) * np.copysign(excess, level)
 
     @cached_property
     def inside_share(self):
         """Share of the nodes around each one that lie inside the raw image, float32, above 0."""
-        return np.maximum(self.surroundings(self.inside.astype(F4)), F4(1e-3))
+        return np.maximum(self.surroundings(self.inside.astype(F4)),
+                          F4(self.tuning.least_inside_share))
 
     def surroundings(self, plane):
         """Return the mean of a plane over the nodes around each one, of which print stands out."""
-        return cv2.blur(plane, (1 + 2 * PRINT_RADIUS * self.columns_per_node,
-                                1 + 2 * PRINT_RADIUS))
+        return cv2.blur(plane, self.window(self.tuning.print_radius))
+
+    def window(self, radius):
+        """Return columns and rows of the window of so many nodes around one."""
+        return 1 + 2 * radius * self.columns_per_node, 1 + 2 * radius
 
 
 def half_grid_index(camera, rows, columns, step_x, shape, places):
@@ -239,13 +252,14 @@ def half_grid_index(camera, rows, columns, step_x, shape, places):
     return index, frac_x, frac_y
 
 
-def psf_variance(camera, rows, columns, step_x, places):
+def psf_variance(camera, rows, columns, step_x, places, tuning):
     """
     Return the variance of the point spread through which each node sees the scene.
 
     Pixels, demosaicing, sums of 2 x 2 pixels and linear interpolation average over raw pixels.
     The size of a raw pixel in rectified ones changes over the image where cameras converge. Two
-    nodes match only as well as their point spreads. See `half_grid_index` for the arguments.
+    nodes match only as well as their point spreads. See `half_grid_index` for the arguments;
+    tuning: ViewTuning.
 
     Returns
     -------
@@ -254,14 +268,16 @@ def psf_variance(camera, rows, columns, step_x, places):
 
     """
     if places is None:
-        return np.full((2, rows, columns), PIXEL_VARIANCE)
+        return np.full((2, rows, columns), tuning.pixel_variance)
     x, y = (each.astype(np.float64) for each in places)
     inside = inside_image(x, y, camera.width, camera.height)
-    raw_x, raw_y = (PIXEL_VARIANCE + (each - 0.5) % 1 * (1 - (each - 0.5) % 1) for each in (x, y))
+    raw_x, raw_y = (tuning.pixel_variance + (each - 0.5) % 1 * (1 - (each - 0.5) % 1)
+                    for each in (x, y))
     (x_y, x_x), (y_y, y_x) = np.gradient(x, 2, step_x), np.gradient(y, 2, step_x)
     area = np.where(inside, x_x * y_y - x_y * y_x, np.nan)
     # where the polynomial of a lens turns back there is no lens any more
-    area[~(area > FOLD * np.median(area[inside]) if inside.any() else inside)] = np.nan
+    area[~(area > tuning.folded_area * np.median(area[inside])
+           if inside.any() else inside)] = np.nan
     return np.stack([(y_y / area) ** 2 * raw_x + (x_y / area) ** 2 * raw_y,
                      (y_x / area) ** 2 * raw_x + (x_x / area) ** 2 * raw_y])
 

@@ -53,7 +53,7 @@ def start_helper():
 
 def main():
     """Fit planes, then go through the other stages of the surface method, the last ones first."""
-    from ..settings.groups import Settings
+    from ..settings import Settings
     from ..triangulation import disparity_limits
     from .method import SurfaceMethod
     from .neighbors import propagate_planes

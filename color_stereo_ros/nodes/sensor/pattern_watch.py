@@ -6,6 +6,7 @@ import json
 import threading
 
 from ...core.patterns.making import make_pattern
+from ...core.patterns.registry import makable
 from ...errors import ColorStereoError
 from ..pattern_source import fingerprint
 
@@ -53,7 +54,7 @@ class PatternWatch:
                 self._compare()
 
     def _compare(self):
-        if self._settings.type == 'unknown':
+        if self._settings.type not in makable():
             self.mismatch = None
             return
         own, shown = asdict(self._settings), self._shown['pattern']

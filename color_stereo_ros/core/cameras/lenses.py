@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The lens models: the values of `distortion_model` in a camera_info."""
+
+import cv2
+import numpy as np
+
+from ..registry import Registry
+
+ITERATIONS = 100   # at most, to undo a distortion; chosen: a few suffice unless it folds
+PRECISION = 1e-12  # at which they end, as a part of the focal length; chosen: rounding is 1e-16
+
+
+class Lens:
+    """
+    Base of the lens models; an entry of `LENSES` is an instance of a subclass.
+
+    Normalized image coordinates (X/Z, Y/Z), float64 (N, 2), are mapped to distorted ones, which
+    the camera matrix K maps to pixels. A model needs `lengths` and `distort`; the other steps
+    follow from it, and a subclass replaces one where a better way is known.
+
+    """
+
+    lengths = (0,)
+    """Numbers of coefficients D that the model may have, increasing; 0 = no distortion."""
+
+    def distort(self, rays, D):
+        """
+        Apply the distortion.
+
+        Parameters
+        ----------
+        rays : numpy.ndarray, float64, shape (N, 2)
+            Normalized coordinates X/Z and Y/Z.
+        D : numpy.ndarray, float64
+            Coefficients in the order of camera_info; empty or zero = none.
+
+        Returns
+        -------
+        distorted : numpy.ndarray, float64, shape (N, 2)
+
+        """
+        raise NotImplementedError
+
+    def undistort(self, pixels, K, D):
+        """
+        Return the rays that raw pixels see.
+
+        Parameters
+        ----------
+        pixels : numpy.ndarray, float64, shape (N, 2)
+        K : numpy.ndarray, float64, shape (3, 3)
+        D : numpy.ndarray, float64
+
+        Returns
+        -------
+        rays : numpy.ndarray, float64, shape (N, 2)
+            Normalized coordinates.
+
+        """
+        target = (pixels - K[:2, 2]) @ np.linalg.inv(K[:2, :2]).T
+        rays = target.copy()
+        for _ in range(ITERATIONS):
+            change = target - self.distort(rays, D)
+            rays += change
+            if np.abs(change).max(initial=0.0) < PRECISION:
+                break
+        return rays
+
+    def rectifying_map(self, camera):
+        """
+        Return where each rectified pixel lies in the raw image.
+
+        Parameters
+        ----------
+        camera : CameraModel
+
+        Returns
+        -------
+        x, y : numpy.ndarray, float32, shape (H, W)
+            Raw pixel coordinates; of any value where the ray lies behind the raw camera.
+
+        """
+        columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+        points = np.stack([columns, rows, np.ones_like(rows)], axis=-1).reshape(-1, 3)
+        # A row vector times A^-T is A^-1 times the column vector, here (P R)^-1.
+        rays = points @ np.linalg.inv(camera.P[:, :3] @ camera.R).T
+        with np.errstate(divide='ignore', invalid='ignore'):
+            normalized = rays[:, :2] / rays[:, 2:]
+        distorted = self.distort(normalized, camera.D)
+        raw = distorted @ camera.K[:2, :2].T + camera.K[:2, 2]
+        x, y = raw.T.reshape(2, camera.height, camera.width).astype(np.float32)
+        return x, y
+
+    def rectified_views(self, left, right, rotation, translation):
+        """
+        Choose the rectified cameras of a pair; here those of the pair without distortion.
+
+        Parameters
+        ----------
+        left, right : CameraModel
+            Of which R and P are unknown yet.
+        rotation : numpy.ndarray, float64, shape (3, 3)
+        translation : numpy.ndarray, float64, shape (3, 1)
+            X_right = rotation X_left + translation, m.
+
+        Returns
+        -------
+        views : ((R, P), (R, P))
+            Of both cameras, as in camera_info.
+
+        """
+        return _views(cv2.stereoRectify, left, right, np.zeros(4), np.zeros(4), rotation,
+                      translation, alpha=0.0)
+
+
+class Pinhole(Lens):
+    """OpenCV's polynomial of the distance from the axis and what it adds to that."""
+
+    def __init__(self, lengths):
+        """Tell how many coefficients the model may have."""
+        self.lengths = lengths
+
+    def distort(self, rays, D):
+        """Apply the distortion; see `Lens.distort`."""
+        if not np.any(D):
+            return rays
+        points = np.column_stack([rays, np.ones(len(rays))])
+        return cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), D)[0][:, 0]
+
+    def undistort(self, pixels, K, D):
+        """Return the rays that raw pixels see; see `Lens.undistort`."""
+        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ITERATIONS, PRECISION)
+        if hasattr(cv2, 'undistortPointsIter'):
+            return cv2.undistortPointsIter(pixels[None], K, D, np.eye(3), np.eye(3),
+                                           criteria)[:, 0]
+        return cv2.undistortPoints(pixels[None], K, D, None, None, None, criteria)[:, 0]
+
+    def rectifying_map(self, camera):
+        """Return where each rectified pixel lies; see `Lens.rectifying_map`."""
+        return _map(cv2.initUndistortRectifyMap, camera)
+
+    def rectified_views(self, left, right, rotation, translation):
+        """Choose views without black borders where possible; see `Lens.rectified_views`."""
+        return _views(cv2.stereoRectify, left, right, _coefficients(left.D),
+                      _coefficients(right.D), rotation, translation, alpha=0.0)
+
+
+class Equidistant(Lens):
+    """OpenCV's fisheye: a polynomial of the angle from the axis."""
+
+    lengths = (0, 4)
+
+    def distort(self, rays, D):
+        """Apply the distortion; see `Lens.distort`."""
+        return cv2.fisheye.distortPoints(rays[None], np.eye(3), _coefficients(D))[0]
+
+    def undistort(self, pixels, K, D):
+        """Return the rays that raw pixels see; see `Lens.undistort`."""
+        return cv2.fisheye.undistortPoints(pixels[None], K, _coefficients(D))[0]
+
+    def rectifying_map(self, camera):
+        """Return where each rectified pixel lies; see `Lens.rectifying_map`."""
+        return _map(cv2.fisheye.initUndistortRectifyMap, camera)
+
+    def rectified_views(self, left, right, rotation, translation):
+        """Choose views without black borders where possible; see `Lens.rectified_views`."""
+        return _views(cv2.fisheye.stereoRectify, left, right, _coefficients(left.D),
+                      _coefficients(right.D), rotation, translation, balance=0.0)
+
+
+def _coefficients(D):
+    """Return coefficients that OpenCV takes: it knows no empty ones."""
+    return D.copy() if D.size else np.zeros(4)
+
+
+def _map(init_maps, camera):
+    return init_maps(camera.K.copy(), _coefficients(camera.D), camera.R.copy(),
+                     camera.P[:, :3].copy(), (camera.width, camera.height), cv2.CV_32FC1)
+
+
+def _views(rectify, left, right, D_left, D_right, rotation, translation, **fit):
+    R_left, R_right, P_left, P_right = rectify(
+        left.K.copy(), D_left, right.K.copy(), D_right, (left.width, left.height), rotation,
+        translation, flags=0, **fit)[:4]
+    return (R_left, P_left), (R_right, P_right)
+
+
+LENSES = Registry('distortion model', Lens, {
+    'plumb_bob': Pinhole((0, 4, 5)),
+    'rational_polynomial': Pinhole((0, 8, 12, 14)),
+    'equidistant': Equidistant(),
+})
+"""Lens by distortion_model; their order is that of all lists."""

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every pattern says of itself."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Callable, Optional
+
+
+class Repeats(Enum):
+    """How often the same colors come again along a row; what a search expects follows from it."""
+
+    NEVER = 'aperiodic: no colors come again, and both cameras see all hues'
+    CYCLES = 'pattern.cycles times over the width; in between the colors change slowly'
+    UNKNOWN = 'any number of times'
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """One type of pattern; an entry of `registry.PATTERNS`."""
+
+    summary: str
+    """What it shows, for lists of the types; may be empty."""
+    make: Optional[Callable] = None
+    """
+    PatternSettings in, colors out: numbers 0 .. 1 that broadcast to (height, width, 3), RGB,
+    linear light. None: the pattern can be matched but not made.
+    """
+    repeats: Repeats = Repeats.UNKNOWN
+    uniform_brightness: bool = False
+    """Whether the three components have the same sum everywhere."""

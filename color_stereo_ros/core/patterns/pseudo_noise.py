@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Colored patches whose neighborhoods are all different (paper, sec. 2.1)."""
+
+import numpy as np
+
+from ...errors import SettingsError
+from .pattern import Pattern, Repeats
+
+# Full primaries and secondaries: any two differ by a whole component at least.
+PATCH_COLORS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 1], [1, 1, 0]])
+MAX_PATCHES = 1_000_000    # a tenth of the 6^9 neighborhoods: found within a few trials
+
+
+def make(settings):
+    """Return square patches in which no 3 x 3 patches repeat, (height, width, 3)."""
+    rows, columns = (max(3, int(np.ceil(size / settings.feature_size)))
+                     for size in (settings.height, settings.width))
+    codes = unrepeated_codes(rows, columns, settings)
+    row = np.minimum(np.arange(settings.height) / settings.feature_size, rows - 1).astype(int)
+    column = np.minimum(np.arange(settings.width) / settings.feature_size, columns - 1).astype(int)
+    return PATCH_COLORS[codes[row[:, None], column]]
+
+
+def unrepeated_codes(rows, columns, settings):
+    """
+    Return random color numbers, int (rows, columns), whose 3 x 3 neighborhoods are all different.
+
+    Raises
+    ------
+    SettingsError
+        If there are more patches than MAX_PATCHES.
+
+    """
+    if rows * columns > MAX_PATCHES:
+        raise SettingsError(f'pattern.feature_size = {settings.feature_size} px makes {rows} x '
+                            f'{columns} patches, expected at most {MAX_PATCHES} for unrepeated '
+                            '3 x 3 neighborhoods')
+    rng = np.random.default_rng(settings.seed)
+    codes = rng.integers(len(PATCH_COLORS), size=(rows, columns))
+    repeated = repeated_neighborhoods(codes)
+    while repeated.any():
+        codes[1:-1, 1:-1][repeated] = rng.integers(len(PATCH_COLORS), size=repeated.sum())
+        repeated = repeated_neighborhoods(codes)
+    return codes
+
+
+def repeated_neighborhoods(codes):
+    """Return which 3 x 3 neighborhoods occurred before, bool (rows - 2, columns - 2)."""
+    rows, columns = codes.shape
+    number = np.zeros((rows - 2, columns - 2), np.int64)
+    for y in range(3):
+        for x in range(3):
+            number = number * len(PATCH_COLORS) + codes[y:rows - 2 + y, x:columns - 2 + x]
+    repeated = np.ones(number.size, bool)
+    repeated[np.unique(number, return_index=True)[1]] = False
+    return repeated.reshape(number.shape)
+
+
+PATTERN = Pattern('colored patches', make, Repeats.NEVER)
