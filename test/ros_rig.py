@@ -19,6 +19,8 @@ os.environ['ROS_DOMAIN_ID'] = os.environ.setdefault(
 os.environ['PYTHONUNBUFFERED'] = '1'
 
 from color_stereo_ros.core import StereoCalibration  # noqa: E402
+from color_stereo_ros.messages.contents import camera_info, Header  # noqa: E402
+from color_stereo_ros.nodes.filling import message_of  # noqa: E402
 
 import cv2  # noqa: E402
 
@@ -84,10 +86,8 @@ def image_message(rgb, encoding='rgb8', **changes):
 
 def info_message(camera, **changes):
     """Return the CameraInfo of a CameraModel; changes replace fields afterwards."""
-    msg = CameraInfo(width=camera.width, height=camera.height,
-                     distortion_model=camera.distortion_model, d=list(camera.D),
-                     k=list(camera.K.ravel()), r=list(camera.R.ravel()), p=list(camera.P.ravel()))
-    msg.header.frame_id = f'{camera.name}_camera_optical_frame'
+    header = Header(frame_id=f'{camera.name}_camera_optical_frame')
+    msg = message_of(camera_info(camera, header))
     for name, value in changes.items():
         setattr(msg, name, value)
     return msg
@@ -314,6 +314,14 @@ class Rig:
             return None
 
         return self.spin_until(latest, f'diagnostics: {what}')
+
+    def feed(self, condition, what):
+        """Send pairs until the diagnostics fulfil a condition; return what `diagnose` does."""
+        timer = self.node.create_timer(0.1, self.send_pair)
+        try:
+            return self.diagnose(condition, what)
+        finally:
+            self.node.destroy_timer(timer)
 
     def close(self):
         """Leave ROS."""

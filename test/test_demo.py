@@ -10,7 +10,8 @@ import sys
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.files.image import write_image
 from color_stereo_ros.parameters.files import settings_text
-from color_stereo_ros.recordings.recording import Recording, write_recording
+from color_stereo_ros.recordings.reading import Recording
+from color_stereo_ros.recordings.writing import write_recording
 
 import numpy as np
 
@@ -147,9 +148,25 @@ def test_the_demo_never_removes_a_folder_of_somebody_else(tmp_path, scene_folder
     assert (tmp_path / 'thesis/chapter.tex').exists()
 
 
-def test_conversion_gives_exactly_what_the_node_publishes(tmp_path, recorded, parameters):
-    assert cli.main(['convert', str(recorded), str(tmp_path / 'converted'), '--config',
-                     str(parameters), '--topics', *OUTPUTS]) == 0
+WITHOUT_ROS = """
+import sys
+
+class Refusal:
+    def find_spec(self, name, path=None, target=None):
+        package = name.partition('.')[0]
+        if package.startswith(('rcl', 'rosidl', 'builtin_')) or package.endswith('_msgs'):
+            raise ModuleNotFoundError(f'{name} is refused', name=package)
+
+sys.meta_path.insert(0, Refusal())
+from color_stereo_ros.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_conversion_without_ros_gives_exactly_what_the_node_publishes(
+        tmp_path, recorded, parameters):
+    subprocess.run([sys.executable, '-c', WITHOUT_ROS, 'convert', recorded, tmp_path / 'converted',
+                    '--config', parameters, '--topics', *OUTPUTS], check=True)
     with Recording(tmp_path / 'converted') as recording:
         converted = {(message.topic, message.time_ns): message.data
                      for message in recording.messages()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""/diagnostics, capture and save over real DDS: the node says what it does and why it does not."""
+"""/diagnostics over real DDS: the node says what it does and why it does not."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -11,9 +11,7 @@ from ros_rig import calibration, NodeProcess, PAPER, Rig, scene, values_of
 
 from sensor_msgs.msg import Image
 
-from std_msgs.msg import Header, String
-
-from std_srvs.srv import Trigger
+from std_msgs.msg import String
 
 
 @pytest.fixture(scope='module')
@@ -21,10 +19,10 @@ def running(tmp_path_factory):
     """Yield a rig without any listener, and its node."""
     folder = tmp_path_factory.mktemp('diagnostics')
     parameters = {**PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0,
-                  'output.save_directory': folder, 'pattern.type': 'sweep'}
+                  'pattern.type': 'sweep'}
     node = NodeProcess(folder / 'log.txt', parameters=parameters)
     rig = Rig()
-    rig.process, rig.folder = node, folder
+    rig.process = node
     rig.wait_for_node()
     node.wait_until_said('ready after')
     yield rig
@@ -39,18 +37,7 @@ def rig(running):
     running.calibration = calibration()
     running.images = dict(zip(('left', 'right'), scene()))
     running.received.clear()
-    assert running.set_parameters(input__mode='stream', output__save_directory=str(running.folder),
-                                  output__save_format='ply').successful
     return running
-
-
-def feed(rig, condition, what):
-    """Send pairs until the diagnostics fulfil a condition."""
-    timer = rig.node.create_timer(0.1, rig.send_pair)
-    try:
-        return rig.diagnose(condition, what)
-    finally:
-        rig.node.destroy_timer(timer)
 
 
 def test_without_any_image_it_says_that_none_has_arrived(rig):
@@ -61,8 +48,8 @@ def test_without_any_image_it_says_that_none_has_arrived(rig):
 
 
 def test_without_a_subscriber_it_says_that_it_waits_for_one(rig):
-    parts = feed(rig, lambda p: p['inputs'].message == 'pairs arrive'
-                 and p['range images'].message != 'getting ready', 'pairs')
+    parts = rig.feed(lambda p: p['inputs'].message == 'pairs arrive'
+                     and p['range images'].message != 'getting ready', 'pairs')
     assert parts['range images'].message.startswith('waiting for a subscriber on /points, ')
     assert int(values_of(parts['range images'])['skipped for want of a subscriber']) >= 0
     assert parts['calibration'].message == 'calibrated'
@@ -70,8 +57,8 @@ def test_without_a_subscriber_it_says_that_it_waits_for_one(rig):
 
 def test_with_a_subscriber_it_gives_rate_latency_and_shares(rig):
     subscription = rig.listen(Image, 'depth/image')
-    parts = feed(rig, lambda p: p['range images'].message == 'measuring'
-                 and float(values_of(p['range images'])['rate (Hz)']) > 1.0, 'measuring')
+    parts = rig.feed(lambda p: p['range images'].message == 'measuring'
+                     and float(values_of(p['range images'])['rate (Hz)']) > 1.0, 'measuring')
     rig.node.destroy_subscription(subscription)
     values = values_of(parts['range images'])
     assert 0.0 < float(values['latency p50 (ms)']) <= float(values['latency p99 (ms)'])
@@ -82,8 +69,8 @@ def test_with_a_subscriber_it_gives_rate_latency_and_shares(rig):
 
 
 def test_the_inputs_are_accounted_for(rig):
-    parts = feed(rig, lambda p: p['inputs'].message == 'pairs arrive'
-                 and values_of(p['inputs'])['frame period (ms)'] == '100', 'the frame period')
+    parts = rig.feed(lambda p: p['inputs'].message == 'pairs arrive'
+                     and values_of(p['inputs'])['frame period (ms)'] == '100', 'the frame period')
     values = values_of(parts['inputs'])
     assert values['skew, largest (ms)'] == '0'
     assert values['tolerance (ms)'] == '45'
@@ -91,7 +78,7 @@ def test_the_inputs_are_accounted_for(rig):
 
 
 def test_the_calibration_is_told(rig):
-    parts = feed(rig, lambda p: p['calibration'].message == 'calibrated', 'the calibration')
+    parts = rig.feed(lambda p: p['calibration'].message == 'calibrated', 'the calibration')
     values = values_of(parts['calibration'])
     assert values['size (px)'] == '64 x 48'
     assert float(values['baseline (m)']) == pytest.approx(0.06)
@@ -100,7 +87,7 @@ def test_the_calibration_is_told(rig):
 def test_a_dark_scene_is_told_with_its_reason(rig):
     subscription = rig.listen(Image, 'depth/image')
     rig.images = {side: np.zeros_like(image) for side, image in rig.images.items()}
-    parts = feed(rig, lambda p: 'few pixels' in p['range images'].message, 'darkness')
+    parts = rig.feed(lambda p: 'few pixels' in p['range images'].message, 'darkness')
     rig.node.destroy_subscription(subscription)
     assert parts['range images'].level == DiagnosticStatus.WARN
     assert 'too little pattern light' in parts['range images'].message
@@ -137,93 +124,3 @@ def test_another_pattern_is_warned_of_once_and_stays_in_the_diagnostics(rig):
     rig.diagnose(lambda p: 'cannot be read' in p['pattern'].message, 'bad text')
     rig.node.destroy_publisher(publisher)
     assert rig.process.text().count("'sine' is shown") == 1
-
-
-def trigger(rig, name, feed_pairs=True):
-    """Call a trigger service while pairs arrive."""
-    def send():
-        # a stamp of now, as a camera gives it
-        rig.stamp = rig.node.get_clock().now().nanoseconds
-        rig.send_pair(stamp=rig.stamp)
-
-    timer = rig.node.create_timer(0.1, send) if feed_pairs else None
-    try:
-        return rig.call(Trigger, f'{rig.target}/{name}', Trigger.Request())
-    finally:
-        if timer:
-            rig.node.destroy_timer(timer)
-
-
-def test_capture_measures_one_pair_on_request_and_no_other(rig):
-    assert rig.set_parameters(input__mode='capture').successful
-    rig.listen(Image, 'depth/image')
-    rig.listen(Header, 'range_node/acquired')
-    rig.wait_for_publishers()
-    feed(rig, lambda p: '~/capture' in p['range images'].message, 'the mode')
-    assert rig.received['depth/image'] == []
-    before = rig.node.get_clock().now().nanoseconds
-    answer = trigger(rig, 'capture')
-    assert answer.success, answer.message
-    depth = rig.spin_until(lambda: rig.received['depth/image'], 'the captured depth')
-    rig.spin(0.3)
-    assert len(depth) == 1
-    stamp = depth[0].header.stamp
-    assert stamp.sec * 10**9 + stamp.nanosec >= before
-    acquired = rig.received['range_node/acquired']
-    assert [header.stamp for header in acquired] == [stamp]
-    assert answer.message.startswith(f'stamp {stamp.sec}.{stamp.nanosec:09d}: ')
-    assert answer.message.endswith('% of the pixels have a range')
-
-
-def test_capture_works_while_streaming(rig):
-    assert trigger(rig, 'capture').success
-
-
-def test_capture_without_cameras_fails_with_the_reason(rig):
-    answer = trigger(rig, 'capture', feed_pairs=False)
-    assert not answer.success
-    assert 'no pair for' in answer.message
-
-
-def read_ply(path):
-    """Return the vertices of a binary PLY file."""
-    header, _, body = path.read_bytes().partition(b'end_header\n')
-    count = int(header.split(b'element vertex ')[1].split()[0])
-    kinds = np.dtype([('xyz', '<f4', 3), ('rgb', 'u1', 3)])
-    assert len(body) == count * kinds.itemsize
-    return np.frombuffer(body, kinds)
-
-
-@pytest.mark.parametrize('suffix', ['ply', 'pcd'])
-def test_save_writes_a_file_and_names_it(rig, suffix):
-    assert rig.set_parameters(output__save_format=suffix).successful
-    answer = trigger(rig, 'save')
-    assert answer.success, answer.message
-    path, _, count = answer.message.rpartition(': ')
-    files = list(rig.folder.glob(f'range_node_*.{suffix}'))
-    assert [str(file) for file in files] == [path]
-    assert int(count.split()[0]) > 1000
-    assert not list(rig.folder.glob('.range_node*'))
-    if suffix == 'ply':
-        points = read_ply(files[0])
-        assert np.median(points['xyz'][:, 2]) == pytest.approx(0.36, rel=0.01)
-    for file in files:
-        file.unlink()
-
-
-def test_save_in_capture_mode_writes_what_was_captured(rig):
-    assert rig.set_parameters(input__mode='capture').successful
-    captured = trigger(rig, 'capture')
-    answer = trigger(rig, 'save', feed_pairs=False)
-    assert answer.success, answer.message
-    stamp = captured.message.split()[1].rstrip(':').replace('.', '')
-    assert f'range_node_{stamp}.ply' in answer.message
-    for file in rig.folder.glob('range_node_*'):
-        file.unlink()
-
-
-def test_save_into_a_missing_directory_fails_with_its_name(rig):
-    assert rig.set_parameters(output__save_directory='/no/such/folder').successful
-    answer = trigger(rig, 'save')
-    assert not answer.success
-    assert "output.save_directory = '/no/such/folder' is no directory" in answer.message

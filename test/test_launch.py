@@ -7,9 +7,9 @@ import re
 import xml.etree.ElementTree as ElementTree
 
 from color_stereo_ros.core.settings import flat
-from color_stereo_ros.nodes.parameters import RangeNodeSettings
-from color_stereo_ros.nodes.sensor.outputs import TOPICS
+from color_stereo_ros.messages.outputs import OUTPUTS
 from color_stereo_ros.nodes.sim_rig import SimRigSettings
+from color_stereo_ros.parameters.groups import RangeNodeSettings
 
 import pytest
 
@@ -57,7 +57,7 @@ def test_an_included_file_gets_only_arguments_that_it_has():
 def test_rviz_shows_outputs_with_their_qos():
     layout = yaml.safe_load((ROOT / 'config/range_node.rviz').read_text())
     displays = layout['Visualization Manager']['Displays']
-    assert {display['Topic']['Value'] for display in displays} <= set(TOPICS)
+    assert {display['Topic']['Value'] for display in displays} <= set(OUTPUTS)
     for display in displays:
         assert display['Topic']['Reliability Policy'] == 'Reliable'
         assert display['Topic']['Durability Policy'] == 'Volatile'
@@ -67,7 +67,7 @@ def test_foxglove_shows_topics_that_exist():
     text = (ROOT / 'config/foxglove_layout.json').read_text()
     panels = json.loads(text)['configById']
     topics = {panels['Image!range']['imageMode']['imageTopic'], *panels['3D!points']['topics']}
-    assert topics <= {f'/{topic}' for topic in TOPICS}
+    assert topics <= {f'/{topic}' for topic in OUTPUTS}
     assert panels['Image!left']['imageMode']['imageTopic'].lstrip('/') in INPUTS
 
 

@@ -1,28 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages to arrays and back, bit for bit."""
+"""Messages to arrays and results to contents, bit for bit, without ROS."""
 
-from array import array
 import dataclasses
 from random import Random
 import struct
 
-from color_stereo_ros.core.cameras.geometry import RectifiedGeometry
-from color_stereo_ros.core.results import RangeResult
-from color_stereo_ros.core.status import Status
 from color_stereo_ros.errors import ImageError
-from color_stereo_ros.messages import images as messages
+from color_stereo_ros.messages import contents, reading
+from color_stereo_ros.messages.cloud import cloud
+from color_stereo_ros.messages.contents import Header
+from color_stereo_ros.messages.disparity import disparity
+from color_stereo_ros.messages.outputs import millimeters, Output, OUTPUTS
+from color_stereo_ros.recordings.types import serialized as cdr_of
+
+from known_results import HEADER, known_result, output
 
 import numpy as np
 
 import pytest
 
-from rclpy.serialization import serialize_message
-
-from sensor_msgs.msg import Image, PointField
-
-from std_msgs.msg import Header
-
-HEADER = Header(frame_id='left_camera_optical')
 BAYER = {'rggb': 'RGGB', 'bggr': 'BGGR', 'gbrg': 'GBRG', 'grbg': 'GRBG'}
 
 
@@ -31,11 +27,8 @@ def raw_message(encoding, pixels, padding=0, **changes):
     height, width = pixels.shape[:2]
     rows = np.full((height, pixels[0].nbytes + padding), 0xAB, np.uint8)
     rows[:, :pixels[0].nbytes] = pixels.view(np.uint8).reshape(height, -1)
-    msg = Image(header=HEADER, height=height, width=width, encoding=encoding,
-                step=rows.shape[1], data=array('B', rows.tobytes()))
-    for name, value in changes.items():
-        setattr(msg, name, value)
-    return msg
+    msg = contents.Image(HEADER, height, width, encoding, 0, rows.shape[1], rows.tobytes())
+    return dataclasses.replace(msg, **changes)
 
 
 def picture(height=6, width=8, seed=1):
@@ -56,14 +49,14 @@ def in_encoding(rgb, encoding):
 def test_plain_encodings_become_rgb(encoding, padding, bigendian):
     rgb = picture()
     msg = raw_message(encoding, in_encoding(rgb, encoding), padding, is_bigendian=bigendian)
-    image = messages.image_to_rgb(msg)
+    image = reading.image_to_rgb(msg)
     np.testing.assert_array_equal(image, rgb)
     assert image.flags.c_contiguous
 
 
 def test_rgb8_without_padding_is_not_copied():
     msg = raw_message('rgb8', picture())
-    assert np.shares_memory(messages.image_to_rgb(msg), np.frombuffer(msg.data, np.uint8))
+    assert np.shares_memory(reading.image_to_rgb(msg), np.frombuffer(msg.data, np.uint8))
 
 
 def mosaic_of(color, pattern, size=(6, 8)):
@@ -80,7 +73,7 @@ def mosaic_of(color, pattern, size=(6, 8)):
 def test_bayer_images_of_a_uniform_color_have_that_color(name, padding):
     color = (200, 90, 30)
     msg = raw_message(f'bayer_{name}8', mosaic_of(color, BAYER[name]), padding)
-    np.testing.assert_array_equal(messages.image_to_rgb(msg), np.full((6, 8, 3), color))
+    np.testing.assert_array_equal(reading.image_to_rgb(msg), np.full((6, 8, 3), color))
 
 
 @pytest.mark.parametrize('bigendian', [0, 1])
@@ -91,7 +84,7 @@ def test_bayer_images_of_16_bits_give_their_high_byte(name, bigendian):
     low = np.full_like(high, 0x55)
     pair = (high, low) if bigendian else (low, high)
     msg = raw_message(f'bayer_{name}16', np.concatenate(pair, axis=2), is_bigendian=bigendian)
-    np.testing.assert_array_equal(messages.image_to_rgb(msg), np.full((6, 8, 3), color))
+    np.testing.assert_array_equal(reading.image_to_rgb(msg), np.full((6, 8, 3), color))
 
 
 @pytest.mark.parametrize('encoding, reason', [
@@ -102,7 +95,7 @@ def test_bayer_images_of_16_bits_give_their_high_byte(name, bigendian):
 def test_other_encodings_are_refused_by_name(encoding, reason):
     msg = raw_message(encoding, picture())
     with pytest.raises(ImageError, match=f'encoding = {encoding!r} {reason}.*rgb8, bgr8'):
-        messages.image_to_rgb(msg)
+        reading.image_to_rgb(msg)
 
 
 @pytest.mark.parametrize('changes, reason', [
@@ -113,16 +106,16 @@ def test_other_encodings_are_refused_by_name(encoding, reason):
     ({'width': 2**32 - 1}, 'is too large: width = 4294967295 px'),
     ({'height': 7}, 'truncated: 144 bytes, expected height .* = 168'),
     ({'height': 5}, 'too long: 144 bytes, expected height .* = 120'),
-    ({'data': array('B')}, 'truncated: 0 bytes'),
+    ({'data': b''}, 'truncated: 0 bytes'),
     ({'step': 2**32 - 1}, 'truncated: 144 bytes')])
 def test_impossible_layouts_are_refused_with_their_values(changes, reason):
     with pytest.raises(ImageError, match=reason):
-        messages.image_to_rgb(raw_message('rgb8', picture(), **changes))
+        reading.image_to_rgb(raw_message('rgb8', picture(), **changes))
 
 
 def test_a_bayer_image_without_neighbors_is_refused():
     with pytest.raises(ImageError, match='2 x 2 px is too small for bayer_rggb8'):
-        messages.image_to_rgb(raw_message('bayer_rggb8', np.zeros((2, 2, 1), np.uint8)))
+        reading.image_to_rgb(raw_message('bayer_rggb8', np.zeros((2, 2, 1), np.uint8)))
 
 
 @pytest.mark.parametrize('encoding, dtype, channels', [
@@ -131,56 +124,30 @@ def test_a_bayer_image_without_neighbors_is_refused():
 def test_an_image_message_holds_the_bytes_of_the_array(encoding, dtype, channels):
     shape = (4, 5, 3) if channels == 3 else (4, 5)
     image = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
-    msg = messages.image_message(image, encoding, HEADER)
+    msg = contents.image(image, encoding, HEADER)
     assert (msg.height, msg.width, msg.encoding) == (4, 5, encoding)
     assert msg.step == 5 * channels * np.dtype(dtype).itemsize
     assert bytes(msg.data) == image.tobytes()
-    assert msg.header.frame_id == HEADER.frame_id
+    assert msg.header == HEADER
+
+
+def test_the_content_of_an_image_shares_its_pixels():
+    image = np.zeros((4, 5), np.float32)
+    assert np.shares_memory(contents.image(image, '32FC1', HEADER).data, image)
 
 
 def test_an_image_of_the_wrong_type_is_refused():
     with pytest.raises(ImageError, match='type float64 and shape .4, 5. is no 32FC1'):
-        messages.image_message(np.zeros((4, 5)), '32FC1', HEADER)
-
-
-def test_a_refilled_message_keeps_its_memory_and_takes_a_new_size():
-    first = messages.image_message(np.zeros((4, 5), np.uint8), 'mono8', HEADER)
-    memory = first.data
-    again = messages.image_message(np.full((4, 5), 9, np.uint8), 'mono8', HEADER, first)
-    assert again is first and again.data is memory and set(memory) == {9}
-    messages.image_message(np.full((2, 3), 8, np.uint8), 'mono8', HEADER, first)
-    assert bytes(first.data) == b'\x08' * 6
+        contents.image(np.zeros((4, 5)), '32FC1', HEADER)
 
 
 def test_depth_in_millimeters_has_zero_for_unknown_and_too_far():
     depth = np.array([[0.3456, np.nan, 65.535, 65.6]], np.float32)
-    assert messages.millimeters(depth).tolist() == [[346, 0, 65535, 0]]
-
-
-GEOMETRY = RectifiedGeometry(width=32, height=24, focal_x=40.0, focal_y=41.0, center_x_left=15.25,
-                             center_x_right=9.75, center_y=11.5, baseline=0.1)
-
-
-def known_result(unknown=((3, 4), (5, 6))):
-    """Return a result with a smooth depth, a verged rig and a few unknown pixels."""
-    v, u = np.mgrid[:24, :32]
-    depth = (0.4 + 0.002 * u + 0.001 * v).astype(np.float32)
-    disparity = (GEOMETRY.focal_baseline / depth + GEOMETRY.principal_offset).astype(np.float32)
-    status = np.zeros(depth.shape, np.uint8)
-    for row, column in unknown:
-        depth[row, column] = disparity[row, column] = np.nan
-        status[row, column] = Status.NO_MATCH
-    image = np.random.default_rng(2).integers(0, 256, (24, 32, 3), np.uint8)
-    limits = (GEOMETRY.focal_baseline / 0.6 + GEOMETRY.principal_offset,
-              GEOMETRY.focal_baseline / 0.35 + GEOMETRY.principal_offset)
-    deviation = np.where(status == 0, np.float32(0.125), np.float32(np.nan))
-    return RangeResult(disparity=disparity, depth=depth, confidence=np.ones_like(depth),
-                       status=status, disparity_std=deviation.astype(np.float32),
-                       image_source=image, geometry=GEOMETRY, disparity_limits=limits)
+    assert millimeters(depth).tolist() == [[346, 0, 65535, 0]]
 
 
 def test_the_camera_info_is_the_rectified_left_camera():
-    msg = messages.camera_info_message(GEOMETRY, HEADER)
+    msg = output('depth/camera_info', known_result())
     assert (msg.width, msg.height) == (32, 24)
     np.testing.assert_array_equal(msg.p.reshape(3, 4), [
         [40.0, 0, 15.25, 0], [0, 41.0, 11.5, 0], [0, 0, 1, 0]])
@@ -196,49 +163,49 @@ def fields_of(msg):
 
 def test_the_cloud_is_the_back_projection_with_p():
     result = known_result()
-    cloud = messages.cloud_message(result, HEADER)
+    msg = cloud(result, HEADER)
     v, u = np.mgrid[:24, :32]
     z = result.depth.astype(np.float64)
     expected = np.stack(((u - 15.25) * z / 40.0, (v - 11.5) * z / 41.0, z), axis=-1)
-    np.testing.assert_allclose(fields_of(cloud)[:, :3].reshape(24, 32, 3), expected, rtol=1e-6)
+    np.testing.assert_allclose(fields_of(msg)[:, :3].reshape(24, 32, 3), expected, rtol=1e-6)
 
 
 def test_the_organized_cloud_has_16_bytes_a_point_and_nan_for_unknown():
-    cloud = messages.cloud_message(known_result(), HEADER)
-    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (24, 32, 16, 512)
-    assert len(cloud.data) == 24 * 512
-    assert not cloud.is_dense and not cloud.is_bigendian
-    assert [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields] == [
-        (name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(('x', 'y', 'z', 'rgb'))]
-    assert np.isnan(fields_of(cloud)[3 * 32 + 4, :3]).all()
-    assert np.isnan(fields_of(cloud)[:, :3]).any(axis=1).sum() == 2
+    msg = cloud(known_result(), HEADER)
+    assert (msg.height, msg.width, msg.point_step, msg.row_step) == (24, 32, 16, 512)
+    assert len(msg.data) == 24 * 512
+    assert not msg.is_dense and not msg.is_bigendian
+    assert [(f.name, f.offset, f.datatype, f.count) for f in msg.fields] == [
+        ('x', 0, 7, 1), ('y', 4, 7, 1), ('z', 8, 7, 1), ('rgb', 12, 7, 1)]
+    assert np.isnan(fields_of(msg)[3 * 32 + 4, :3]).all()
+    assert np.isnan(fields_of(msg)[:, :3]).any(axis=1).sum() == 2
 
 
 def test_the_compact_cloud_holds_the_known_points_only():
     result = known_result()
-    cloud = messages.cloud_message(result, HEADER, compact=True)
-    assert (cloud.height, cloud.width, cloud.row_step) == (1, 24 * 32 - 2, 16 * (24 * 32 - 2))
-    assert cloud.is_dense
+    msg = cloud(result, HEADER, compact=True)
+    assert (msg.height, msg.width, msg.row_step) == (1, 24 * 32 - 2, 16 * (24 * 32 - 2))
+    assert msg.is_dense
     known = np.isfinite(result.depth)
-    np.testing.assert_array_equal(fields_of(cloud)[:, :3], result.points()[known])
+    np.testing.assert_array_equal(fields_of(msg)[:, :3], result.points()[known])
 
 
 def test_a_cloud_without_a_known_point_is_empty_when_compact():
     everywhere = [(v, u) for v in range(24) for u in range(32)]
-    cloud = messages.cloud_message(known_result(everywhere), HEADER, compact=True)
-    assert (cloud.width, cloud.row_step, len(cloud.data)) == (0, 0, 0)
+    msg = cloud(known_result(everywhere), HEADER, compact=True)
+    assert (msg.width, msg.row_step, len(msg.data)) == (0, 0, 0)
 
 
 def test_pure_red_is_the_bytes_0_0_255_0():
     result = known_result()
     result.image[:] = (255, 0, 0)
-    cloud = messages.cloud_message(result, HEADER)
-    assert bytes(cloud.data)[12:16] == b'\x00\x00\xff\x00'
+    msg = cloud(result, HEADER)
+    assert bytes(msg.data)[12:16] == b'\x00\x00\xff\x00'
 
 
 def test_the_color_of_a_point_is_the_color_of_its_pixel():
     result = known_result()
-    data = np.frombuffer(messages.cloud_message(result, HEADER).data, np.uint8).reshape(-1, 16)
+    data = np.frombuffer(cloud(result, HEADER).data, np.uint8).reshape(-1, 16)
     np.testing.assert_array_equal(data[:, 12:15], result.image[..., ::-1].reshape(-1, 3))
     assert not data[:, 15].any()
 
@@ -246,8 +213,8 @@ def test_the_color_of_a_point_is_the_color_of_its_pixel():
 def test_a_rotation_turns_the_points_and_nothing_else():
     result = known_result()
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    plain = fields_of(messages.cloud_message(result, HEADER))
-    turned = fields_of(messages.cloud_message(result, HEADER, rotation=quarter))
+    plain = fields_of(cloud(result, HEADER))
+    turned = fields_of(cloud(result, HEADER, rotation=quarter))
     np.testing.assert_allclose(turned[:, 0], -plain[:, 1], rtol=1e-6)
     np.testing.assert_allclose(turned[:, 1], plain[:, 0], rtol=1e-6)
     np.testing.assert_array_equal(turned[:, 3].view(np.uint32), plain[:, 3].view(np.uint32))
@@ -260,7 +227,7 @@ def disparities(msg):
 
 def test_the_disparity_message_gives_depth_by_its_own_convention():
     result = known_result()
-    msg = messages.disparity_message(result, HEADER)
+    msg = disparity(result, HEADER)
     pixels = disparities(msg)
     known = pixels >= msg.min_disparity
     np.testing.assert_array_equal(known, np.isfinite(result.depth))
@@ -268,7 +235,7 @@ def test_the_disparity_message_gives_depth_by_its_own_convention():
 
 
 def test_unknown_disparities_lie_below_the_minimum_on_verged_rigs_too():
-    msg = messages.disparity_message(known_result(), HEADER)
+    msg = disparity(known_result(), HEADER)
     pixels = disparities(msg)
     assert (pixels < msg.min_disparity).sum() == 2
     assert pixels.max() <= msg.max_disparity
@@ -278,7 +245,7 @@ def test_unknown_disparities_lie_below_the_minimum_on_verged_rigs_too():
 
 def test_the_valid_window_holds_the_columns_that_can_have_a_partner():
     result = known_result()
-    window = messages.disparity_message(result, HEADER).valid_window
+    window = disparity(result, HEADER).valid_window
     # a partner at x - d lies inside 0 .. 31 for d in 12.17 .. 16.93
     assert (window.x_offset, window.width) == (12, 20)
     assert (window.y_offset, window.height) == (0, 24)
@@ -288,16 +255,16 @@ def test_the_valid_window_holds_the_columns_that_can_have_a_partner():
                                             ((4.5, 9.0), (4, 28))])
 def test_the_valid_window_follows_negative_disparities(limits, window):
     result = dataclasses.replace(known_result(), disparity_limits=limits)
-    roi = messages.disparity_message(result, HEADER).valid_window
+    roi = disparity(result, HEADER).valid_window
     assert (roi.x_offset, roi.width) == window
 
 
 def test_the_disparity_step_is_the_resolution_of_the_frame():
-    assert messages.disparity_message(known_result(), HEADER).delta_d == pytest.approx(0.125)
+    assert disparity(known_result(), HEADER).delta_d == pytest.approx(0.125)
 
 
 def test_the_disparity_image_is_a_32fc1_image_with_the_same_header():
-    msg = messages.disparity_message(known_result(), HEADER)
+    msg = disparity(known_result(), HEADER)
     assert (msg.image.encoding, msg.image.step, msg.image.header) == ('32FC1', 128, msg.header)
     assert (msg.f, msg.t) == (pytest.approx(40.0), pytest.approx(0.1))
 
@@ -305,29 +272,27 @@ def test_the_disparity_image_is_a_32fc1_image_with_the_same_header():
 # ---- serialized images
 
 def serialized(**changes):
-    """Return the bytes of an image message and the message."""
-    msg = Image(header=Header(frame_id='left_camera'), height=3, width=5, encoding='rgb8', step=16,
-                data=bytes(range(48)))
-    msg.header.stamp.sec, msg.header.stamp.nanosec = 7, 9
-    for name, value in changes.items():
-        setattr(msg, name, value)
-    return serialize_message(msg), msg
+    """Return the bytes of an image message and its content."""
+    msg = contents.Image(Header.at(7_000_000_009, 'left_camera'), height=3, width=5,
+                         encoding='rgb8', is_bigendian=0, step=16,
+                         data=np.arange(48, dtype=np.uint8))
+    msg = dataclasses.replace(msg, **changes)
+    return bytes(cdr_of(msg)), msg
 
 
 @pytest.mark.parametrize('frame', ['', 'a', 'four', 'left_camera_optical_frame', 'Kamera ä'])
 @pytest.mark.parametrize('encoding', ['rgb8', 'bayer_rggb8', ''])
-def test_a_serialized_image_is_read_as_rclpy_reads_it(frame, encoding):
-    data, msg = serialized(header=Header(frame_id=frame), encoding=encoding, is_bigendian=1)
-    image = messages.read_image(data)
-    assert image.header == msg.header
-    for name in ('height', 'width', 'encoding', 'is_bigendian', 'step'):
+def test_a_serialized_image_is_read_as_it_was(frame, encoding):
+    data, msg = serialized(header=Header.at(-5, frame), encoding=encoding, is_bigendian=1)
+    image = reading.read_image(data)
+    for name in ('header', 'height', 'width', 'encoding', 'is_bigendian', 'step'):
         assert getattr(image, name) == getattr(msg, name)
     assert bytes(image.data) == bytes(msg.data)
 
 
 def test_the_pixels_of_a_serialized_image_are_not_copied():
-    data, _ = serialized(step=15, data=bytes(range(45)))
-    pixels = messages.image_to_rgb(messages.read_image(data))
+    data, _ = serialized(step=15, data=np.arange(45, dtype=np.uint8))
+    pixels = reading.image_to_rgb(reading.read_image(data))
     assert np.shares_memory(pixels, np.frombuffer(data, np.uint8))
 
 
@@ -336,7 +301,7 @@ def test_a_serialized_image_of_the_other_byte_order_is_read():
     data = (b'\0\0\0\0' + struct.pack('>iI', 7, 9) + struct.pack('>I', 2) + b'a\0' + b'\0\0'
             + struct.pack('>II', 1, 1) + struct.pack('>I', 5) + text + b'\0' + b'\0\0'
             + struct.pack('>II', 3, 3) + bytes([1, 2, 3]))
-    image = messages.read_image(data)
+    image = reading.read_image(data)
     assert (image.header.stamp.sec, image.header.frame_id, image.step) == (7, 'a', 3)
     assert bytes(image.data) == bytes([1, 2, 3])
 
@@ -346,7 +311,7 @@ def test_a_serialized_image_that_ends_too_early_is_refused(length):
     data, _ = serialized()
     assert len(data) > 90
     with pytest.raises(ImageError, match='damaged'):
-        messages.read_image(data[:length])
+        reading.read_image(data[:length])
 
 
 def test_serialized_images_with_random_damage_are_read_or_refused(effort, figures):
@@ -367,4 +332,27 @@ def test_serialized_images_with_random_damage_are_read_or_refused(effort, figure
 
 def test_bytes_that_nobody_can_read_are_refused():
     with pytest.raises(ImageError, match='damaged'):
-        messages.read_image(b'\x7f\x7f\0\0' + bytes(20))
+        reading.read_image(b'\x7f\x7f\0\0' + bytes(20))
+
+
+def test_bytes_of_another_middleware_are_read_by_its_library():
+    _, msg = serialized()
+    image = reading.read_image(b'\x7f\x7f', otherwise=lambda data: msg)
+    assert image.header == msg.header and np.shares_memory(image.data, msg.data)
+
+    def fail(data):
+        raise RuntimeError('not mine')
+
+    with pytest.raises(ImageError, match='damaged: not mine'):
+        reading.read_image(b'\x7f\x7f', otherwise=fail)
+
+
+def test_an_output_is_one_entry():
+    def content(result, context):
+        return contents.image(result.status, 'mono8', context.header)
+
+    with OUTPUTS.temporarily():
+        OUTPUTS.register('toy/image', Output(contents.Image.TYPE, 'a toy', content))
+        assert list(OUTPUTS)[-1] == 'toy/image'
+        assert bytes(output('toy/image', known_result()).data) == known_result().status.tobytes()
+    assert 'toy/image' not in OUTPUTS

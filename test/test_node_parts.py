@@ -16,10 +16,10 @@ from color_stereo_ros.messages.calibration_watch import CalibrationWatch
 from color_stereo_ros.messages.synchronizer import Pair
 from color_stereo_ros.nodes.complaints import Complaints
 from color_stereo_ros.nodes.environment import defaults, fast_dds_is_known, LOCAL_PROFILE, PROFILE
-from color_stereo_ros.nodes.parameters import RangeNodeSettings
 from color_stereo_ros.nodes.sensor import worker as worker_module
 from color_stereo_ros.nodes.sensor.outputs import Outputs
 from color_stereo_ros.nodes.sensor.worker import Setup, Worker
+from color_stereo_ros.parameters.groups import RangeNodeSettings
 
 import numpy as np
 

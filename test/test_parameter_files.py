@@ -11,9 +11,9 @@ from scenes import SCENES
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import SettingsError
 from color_stereo_ros.evaluation import datasets
-from color_stereo_ros.nodes.parameters import RangeNodeSettings
 from color_stereo_ros.parameters.files import (
     PASSED_OVER, PROJECTORS, read_settings, SENSORS, settings_text)
+from color_stereo_ros.parameters.groups import RangeNodeSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 FLAT = SCENES / 'flat_350_hue1'

@@ -4,8 +4,9 @@
 from pathlib import Path
 
 from color_stereo_ros.core.settings import described, flat
-from color_stereo_ros.nodes.parameters import (
-    NodeParameters, parameter_file, PatternNodeSettings, RangeNodeSettings)
+from color_stereo_ros.nodes.parameters import NodeParameters
+from color_stereo_ros.parameters.files import parameter_file
+from color_stereo_ros.parameters.groups import PatternNodeSettings, RangeNodeSettings
 
 import pytest
 
@@ -204,7 +205,7 @@ def test_parameters_of_the_sibling_node_are_not_reported(make):
 def test_the_shipped_file_is_made_of_the_defaults(name, settings):
     text = (CONFIG / f'{name}.yaml').read_text()
     assert text == parameter_file(name, settings), (
-        'write it again: python -m color_stereo_ros.nodes.parameters config')
+        'write it again: python -m color_stereo_ros.parameters.files config')
 
 
 @pytest.mark.parametrize('name, settings', [('range_node', RangeNodeSettings()),

@@ -91,6 +91,6 @@ def test_a_pattern_that_nobody_can_make_is_refused(rig):
 
 
 def test_started_bare_the_two_nodes_have_the_same_pattern():
-    from color_stereo_ros.nodes.parameters import PatternNodeSettings, RangeNodeSettings
+    from color_stereo_ros.parameters.groups import PatternNodeSettings, RangeNodeSettings
     assert RangeNodeSettings().pattern == PatternNodeSettings().pattern
     assert np.ptp(make_pattern(PatternNodeSettings().pattern)) > 0

@@ -146,7 +146,7 @@ def test_padded_rows_give_the_same_depth(rig):
 @pytest.mark.parametrize('bits', [8, 16])
 @pytest.mark.parametrize('pattern', ['rggb', 'bggr', 'gbrg', 'grbg'])
 def test_every_bayer_encoding_gives_the_depth_of_its_demosaiced_images(rig, pattern, bits):
-    from color_stereo_ros.messages.images import image_to_rgb
+    from color_stereo_ros.messages.reading import image_to_rgb
 
     def mosaic(image):
         flat = np.empty((HEIGHT, WIDTH), np.uint8)

@@ -11,8 +11,10 @@ from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import RecordingError, StereoCalibration
 from color_stereo_ros.core.cameras.calibration import CameraModel
 from color_stereo_ros.files.image import write_image
-from color_stereo_ros.messages.images import image_to_rgb, stamp_ns
-from color_stereo_ros.recordings.recording import CAMERA_INFO, IMAGE, Recording, write_recording
+from color_stereo_ros.messages.contents import CameraInfo, Image
+from color_stereo_ros.messages.reading import image_to_rgb, stamp_ns
+from color_stereo_ros.recordings.reading import Recording
+from color_stereo_ros.recordings.writing import write_recording
 
 SAMPLE = Path(__file__).resolve().parents[1] / 'sample'
 SECOND = 1_000_000_000
@@ -43,7 +45,7 @@ def recorded(tmp_path, calibration, images):
 def test_images_are_read_back_bit_for_bit(recorded, images):
     with Recording(recorded) as recording:
         found = {message.topic: image_to_rgb(recording.decoded(message))
-                 for message in recording.messages() if message.type == IMAGE}
+                 for message in recording.messages() if message.type == Image.TYPE}
     assert np.array_equal(found['/left/image_raw'], images[0])
     assert np.array_equal(found['/right/image_raw'], images[1])
 
@@ -220,8 +222,8 @@ def test_a_topic_of_another_type_is_named(tmp_path, recorded):
     with Recording(recorded) as recording, write_recording(tmp_path / 'mixed') as writer:
         info = next(iter(recording.messages(['/left/camera_info'])))
         for topic in ('/left/image_raw', '/right/image_raw'):
-            writer.write(topic, CAMERA_INFO, info.time_ns, info.data)
-    assert f'/left/image_raw is a {CAMERA_INFO}, expected {IMAGE}' in refusal(tmp_path / 'mixed')
+            writer.write(topic, CameraInfo.TYPE, info.time_ns, info.data)
+    assert f'is a {CameraInfo.TYPE}, expected {Image.TYPE}' in refusal(tmp_path / 'mixed')
 
 
 @pytest.mark.parametrize('scene', ['solids_hue1', 'solids_hue2d'])

@@ -5,7 +5,7 @@ import sim_scenes  # noqa: F401, chooses the variant
 
 from color_stereo_ros.cli.main import main
 from color_stereo_ros.core import ColorStereo, Settings, StereoCalibration
-from color_stereo_ros.recordings.recording import Recording
+from color_stereo_ros.recordings.reading import Recording
 
 import cv2
 

@@ -174,23 +174,17 @@ class Cameras:
         import numpy as np
         from rclpy.qos import QoSProfile
 
-        from sensor_msgs.msg import CameraInfo
-        from std_msgs.msg import Header
-
         from ..core import StereoCalibration
-        from ..messages.images import image_message
+        from ..messages.contents import camera_info, Header, image
+        from ..nodes.filling import message_of
         self.calibration = StereoCalibration.from_yaml(folder / 'left.yaml', folder / 'right.yaml')
         self._outputs = []
-        for side, image in zip(('left', 'right'), np.load(folder / 'pair.npy')):
+        for side, pixels in zip(('left', 'right'), np.load(folder / 'pair.npy')):
             header = Header(frame_id=f'{side}_camera_optical_frame')
-            camera = getattr(self.calibration, side)
-            info = CameraInfo(
-                header=header, width=camera.width, height=camera.height,
-                distortion_model=camera.distortion_model, d=camera.D.tolist(),
-                k=camera.K.ravel().tolist(), r=camera.R.ravel().tolist(),
-                p=camera.P.ravel().tolist())
-            for topic, message in (('camera_info', info),
-                                   ('image_raw', image_message(image, 'rgb8', header))):
+            for topic, content in (
+                    ('camera_info', camera_info(getattr(self.calibration, side), header)),
+                    ('image_raw', image(pixels, 'rgb8', header))):
+                message = message_of(content)
                 publisher = node.create_publisher(type(message), f'{side}/{topic}',
                                                   QoSProfile(depth=5))
                 self._outputs.append((publisher, message))

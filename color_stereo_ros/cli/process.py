@@ -99,7 +99,7 @@ def write_result(folder, result, limits):
     from ..core.false_color import false_color
     from ..files.cloud import save_cloud
     from ..files.image import write_image
-    from ..messages.images import millimeters
+    from ..messages.outputs import millimeters
     images = {
         'depth_mm.png': millimeters(result.depth),
         'depth.tiff': result.depth,

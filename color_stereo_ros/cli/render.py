@@ -174,7 +174,7 @@ def _full_scale(image, camera):
 
 def write_bag(output, renderings, scene, pattern, values, overwrite=False):
     """Write renderings as a rosbag2 recording; the arguments are those of `write_folder`."""
-    from ..recordings.recording import write_recording
+    from ..recordings.writing import write_recording
     from .sample import START_NS
     with write_recording(output, overwrite=overwrite) as writer:
         writer.write_pattern(START_NS, pattern)

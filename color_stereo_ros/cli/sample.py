@@ -68,7 +68,7 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
     from ..evaluation.datasets import folder_settings, load_folder
     from ..files.atomic import write_text, written_whole
     from ..parameters.files import settings_text
-    from ..recordings.recording import write_recording
+    from ..recordings.writing import write_recording
     if output.resolve() == scene.resolve():
         raise SettingsError(f'{output}: is the scene itself; name another folder for the sample')
     pair = load_folder(scene, values)

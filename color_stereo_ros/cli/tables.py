@@ -19,17 +19,17 @@ BLOCK = re.compile(r'(<!-- table: (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
 
 def parameter_table():
     """Return every parameter of range_node."""
-    from ..nodes.parameters import RangeNodeSettings
+    from ..parameters.groups import RangeNodeSettings
     from .settings import markdown_table
     return markdown_table(RangeNodeSettings())
 
 
 def output_table():
     """Return every output of range_node."""
-    from ..nodes.sensor.outputs import TOPICS
+    from ..messages.outputs import OUTPUTS
     lines = ['| topic | type | meaning |', '|---|---|---|']
-    lines += [f'| `{topic}` | {type_name(kind)} | {meaning} |'
-              for topic, (kind, meaning) in TOPICS.items()]
+    lines += [f'| `{topic}` | {output.type.replace("/msg/", "/")} | {output.description} |'
+              for topic, output in OUTPUTS.items()]
     return '\n'.join(lines) + '\n'
 
 
@@ -51,11 +51,6 @@ def command_table():
 
 TABLES = {'parameters': parameter_table, 'outputs': output_table, 'status': status_table,
           'commands': command_table}
-
-
-def type_name(kind):
-    """Return the name of a message class, for example sensor_msgs/Image."""
-    return f'{kind.__module__.partition(".")[0]}/{kind.__name__}'
 
 
 def with_tables(text):

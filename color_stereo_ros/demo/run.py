@@ -17,10 +17,11 @@ from ..evaluation.datasets import load_truth
 from ..files.atomic import write_bytes, write_text
 from ..files.cloud import save_cloud
 from ..files.image import write_image
-from ..messages.images import image_to_rgb, millimeters
+from ..messages.outputs import millimeters
+from ..messages.reading import image_to_rgb
 from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
 from ..parameters.files import read_settings
-from ..recordings.recording import Recording
+from ..recordings.reading import Recording
 from .layout import RECORDING, SETTINGS, TRUTH
 from .page import depth_preview, make_page, Measurement, one_line, overview, surface_limits
 from .plots import surface_plot

@@ -7,96 +7,13 @@ validated as a set before anything changes, and arrive as a whole or not at all.
 
 """
 
-from dataclasses import dataclass
-from pathlib import Path
-import sys
-
 from rcl_interfaces.msg import (FloatingPointRange, IntegerRange, ParameterDescriptor,
                                 SetParametersResult)
 from rclpy.parameter import Parameter
 
-from ..core.settings import (
-    described, flat, Group, PatternSettings, setting, Settings, suggestion, updated)
+from ..core.settings import described, flat, suggestion, updated
 from ..errors import ColorStereoError
-
-
-@dataclass(frozen=True)
-class InputSettings(Group):
-    """What arrives."""
-
-    prefix = 'input'
-
-    rectified: bool = setting(
-        False, 'the images are rectified already and are not rectified again')
-    mode: str = setting(
-        'stream', 'stream: every pair is measured; capture: one pair for each call of the service '
-        '~/capture', choices=('stream', 'capture'))
-
-
-@dataclass(frozen=True)
-class OutputSettings(Group):
-    """What is published."""
-
-    prefix = 'output'
-
-    depth_encoding: str = setting(
-        '32FC1', 'of depth/image: 32FC1 in m with NaN = unknown, or 16UC1 in mm with 0 = unknown',
-        choices=('32FC1', '16UC1'))
-    frame: str = setting(
-        'rectified', 'frame of points: rectified = the rectified left camera, which depth/image '
-        'and the peers use; camera = the physical left camera, rotated by R transposed',
-        choices=('rectified', 'camera'))
-    compact_points: bool = setting(
-        False, 'points holds the known points only, in one row, instead of H x W with NaN')
-    diagnostics_period: float = setting(
-        1.0, 'time between two messages on /diagnostics', unit='s', minimum=0.1, maximum=60.0)
-    save_directory: str = setting(
-        '', 'where the service ~/save writes; empty = the directory that the node runs in')
-    save_format: str = setting(
-        'ply', 'of the files that the service ~/save writes', choices=('ply', 'pcd'))
-
-
-@dataclass(frozen=True)
-class SyncSettings(Group):
-    """How left and right find each other."""
-
-    prefix = 'sync'
-
-    tolerance: float = setting(
-        0.0, 'largest difference of the stamps of a pair; 0 adapts to a little less than half the '
-        'frame period', unit='s', minimum=0.0, maximum=1.0)
-    queue_size: int = setting(
-        8, 'images of each camera that wait for their partner', minimum=1, maximum=100)
-    warn_after: float = setting(
-        3.0, 'time without a pair after which the reason is reported', unit='s', minimum=0.1,
-        maximum=600.0)
-
-
-@dataclass(frozen=True)
-class RangeNodeSettings:
-    """All parameters of range_node."""
-
-    pattern: PatternSettings = Settings().pattern
-    color: Group = Settings().color
-    matching: Group = Settings().matching
-    range: Group = Settings().range
-    input: InputSettings = InputSettings()
-    output: OutputSettings = OutputSettings()
-    sync: SyncSettings = SyncSettings()
-
-    @property
-    def core(self):
-        """Return the part that the core knows."""
-        return Settings(pattern=self.pattern, color=self.color, matching=self.matching,
-                        range=self.range)
-
-
-@dataclass(frozen=True)
-class PatternNodeSettings:
-    """All parameters of pattern_node."""
-
-    pattern: PatternSettings = Settings().pattern
-
+from ..parameters.groups import RangeNodeSettings
 
 _INHERENT = ('use_sim_time', 'start_type_description_service')
 
@@ -210,51 +127,3 @@ def descriptor(meta, kind):
         result.floating_point_range = [FloatingPointRange(
             from_value=float(meta['minimum']), to_value=float(meta['maximum']), step=0.0)]
     return result
-
-
-def parameter_file(node_name, settings):
-    """
-    Return the text of a parameter file (YAML, as `ros2 param dump` writes it).
-
-    Parameters
-    ----------
-    node_name : str
-    settings : RangeNodeSettings or PatternNodeSettings
-
-    """
-    lines = [f'/**/{node_name}:', '  ros__parameters:']  # in any namespace
-    group = None
-    for name, _, meta in described(settings):
-        prefix, _, key = name.partition('.')
-        if prefix != group:
-            group = prefix
-            lines.append(f'    {group}:')
-        lines.append(f'      {key}: {_yaml_value(flat(settings)[name])}{_comment(meta)}')
-    return '\n'.join(lines) + '\n'
-
-
-def _yaml_value(value):
-    if isinstance(value, str):
-        return f"'{value}'"
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _comment(meta):
-    """Return the legal values of a field as a comment."""
-    if meta['choices'] is not None:
-        return f'  # {", ".join(meta["choices"])}'
-    if meta['minimum'] is None:
-        return ''
-    return f'  # {meta["minimum"]} .. {meta["maximum"]} {meta["unit"]}'.rstrip()
-
-
-def write_parameter_files(folder):
-    """Write the shipped parameter files, which hold the defaults."""
-    for name, settings in (('range_node', RangeNodeSettings()),
-                           ('pattern_node', PatternNodeSettings())):
-        (Path(folder) / f'{name}.yaml').write_text(parameter_file(name, settings),
-                                                   encoding='utf-8')
-
-
-if __name__ == '__main__':
-    write_parameter_files(sys.argv[1])

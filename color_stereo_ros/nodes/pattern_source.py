@@ -12,13 +12,15 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import Image
 
-from std_msgs.msg import Header, String
+from std_msgs.msg import String
 
 from ..core.patterns.making import make_pattern
 from ..core.patterns.registry import makable
 from ..errors import SettingsError
-from ..messages.images import image_message
-from .parameters import NodeParameters, PatternNodeSettings
+from ..messages.contents import Header, image
+from ..parameters.groups import PatternNodeSettings
+from .filling import message_of
+from .parameters import NodeParameters
 
 FRAME = 'projector_optical_frame'
 
@@ -56,8 +58,8 @@ class PatternNode(Node):
 
     def _show(self, settings):
         pattern = _make_once(settings.pattern)
-        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=FRAME)
-        self._image.publish(image_message(pattern, 'rgb8', header))
+        header = Header.at(self.get_clock().now().nanoseconds, FRAME)
+        self._image.publish(message_of(image(pattern, 'rgb8', header)))
         self._info.publish(String(data=describe(settings.pattern, pattern)))
         self.get_logger().info(f'showing {settings.pattern.type}, {settings.pattern.width} x '
                                f'{settings.pattern.height} px')

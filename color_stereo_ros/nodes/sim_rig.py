@@ -19,14 +19,14 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo, Image
 
-from std_msgs.msg import Header
-
 from ..core.settings import Group, setting
 from ..errors import ColorStereoError
-from ..messages.images import image_message, image_to_rgb
+from ..messages.contents import camera_info, Header, image
+from ..messages.reading import image_to_rgb
 from ..messages.synchronizer import LatestSlot
 from ..sim import load_scene, Renderer
 from ..sim.electronics import expose, exposures_for
+from .filling import message_of
 from .parameters import NodeParameters
 from .pattern_source import latched
 
@@ -187,14 +187,14 @@ class SimRigNode(Node):
             return
         view = film.views[self._count % len(film.views)]
         rig = film.scene.rig
-        stamp = self.get_clock().now().to_msg()
+        now = self.get_clock().now().nanoseconds
         for index, camera in enumerate((rig.left, rig.right)):
             seed = np.random.SeedSequence([self._settings.seed, self._count, index])
-            image = expose(view.radiance[index], camera, view.exposures[index], seed)
-            header = Header(stamp=stamp, frame_id=f'{camera.name}_camera_optical_frame')
-            model = getattr(rig.calibration, camera.name)
-            self._outputs[camera.name, CameraInfo].publish(_camera_info(model, header))
-            self._outputs[camera.name, Image].publish(_image(image, camera, header))
+            pixels = expose(view.radiance[index], camera, view.exposures[index], seed)
+            header = Header.at(now, f'{camera.name}_camera_optical_frame')
+            info = camera_info(getattr(rig.calibration, camera.name), header)
+            self._outputs[camera.name, CameraInfo].publish(message_of(info))
+            self._outputs[camera.name, Image].publish(message_of(_image(pixels, camera, header)))
         self._count += 1
 
 
@@ -202,19 +202,9 @@ def _load(settings):
     return load_scene(settings.scene, rig=settings.rig or None)
 
 
-def _image(image, camera, header):
-    """Return a raw image as a message: rgb8, or the mosaic of the sensor."""
-    if image.dtype != np.uint8:
-        image = (image >> (camera.bits - 8)).astype(np.uint8)
-    if image.ndim == 3:
-        return image_message(image, 'rgb8', header)
-    message = image_message(image, 'mono8', header)
-    message.encoding = f'bayer_{camera.bayer.lower()}8'
-    return message
-
-
-def _camera_info(model, header):
-    return CameraInfo(
-        header=header, width=model.width, height=model.height,
-        distortion_model=model.distortion_model, d=model.D.tolist(), k=model.K.ravel().tolist(),
-        r=model.R.ravel().tolist(), p=model.P.ravel().tolist())
+def _image(pixels, camera, header):
+    """Return the content of a raw image: rgb8, or the mosaic of the sensor."""
+    if pixels.dtype != np.uint8:
+        pixels = (pixels >> (camera.bits - 8)).astype(np.uint8)
+    encoding = 'rgb8' if pixels.ndim == 3 else f'bayer_{camera.bayer.lower()}8'
+    return image(pixels, encoding, header)

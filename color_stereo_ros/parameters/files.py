@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings in YAML files: the parameter files of the nodes, and the same groups without a head."""
 
+from pathlib import Path
+import sys
+
 import yaml
 
-from ..core.settings import checked_value, flat, Settings, suggestion
+from ..core.settings import checked_value, described, flat, Settings, suggestion
 from ..errors import SettingsError
 from ..files.yaml import load_yaml, UnreadableError
+from .groups import PatternNodeSettings, RangeNodeSettings
 
 SENSORS = ('range_node', 'lifecycle_range_node')
 """Nodes whose parameters the settings of the core belong to."""
@@ -140,3 +144,51 @@ def _checked(path, settings, known, name, value):
         return checked_value(settings, name, value)
     except SettingsError as error:
         raise SettingsError(f'{path}: {error}') from error
+
+
+def parameter_file(node_name, settings):
+    """
+    Return the text of a parameter file (YAML, as `ros2 param dump` writes it).
+
+    Parameters
+    ----------
+    node_name : str
+    settings : RangeNodeSettings or PatternNodeSettings
+
+    """
+    lines = [f'/**/{node_name}:', '  ros__parameters:']  # in any namespace
+    group = None
+    for name, _, meta in described(settings):
+        prefix, _, key = name.partition('.')
+        if prefix != group:
+            group = prefix
+            lines.append(f'    {group}:')
+        lines.append(f'      {key}: {_yaml_value(flat(settings)[name])}{_comment(meta)}')
+    return '\n'.join(lines) + '\n'
+
+
+def _yaml_value(value):
+    if isinstance(value, str):
+        return f"'{value}'"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _comment(meta):
+    """Return the legal values of a field as a comment."""
+    if meta['choices'] is not None:
+        return f'  # {", ".join(meta["choices"])}'
+    if meta['minimum'] is None:
+        return ''
+    return f'  # {meta["minimum"]} .. {meta["maximum"]} {meta["unit"]}'.rstrip()
+
+
+def write_parameter_files(folder):
+    """Write the shipped parameter files, which hold the defaults."""
+    for name, settings in (('range_node', RangeNodeSettings()),
+                           ('pattern_node', PatternNodeSettings())):
+        (Path(folder) / f'{name}.yaml').write_text(parameter_file(name, settings),
+                                                   encoding='utf-8')
+
+
+if __name__ == '__main__':
+    write_parameter_files(sys.argv[1])

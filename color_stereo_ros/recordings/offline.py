@@ -1,35 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What `range_node` does, from one recording into another: every pair, none dropped.
+What `range_node` does, from one recording into another: every pair, none dropped, without ROS.
 
-Pairing, calibration, processing and messages are the node's own, so the outputs are the same
-bytes.
+Pairing, calibration, processing and the contents of the messages are the node's own, so the
+outputs hold the same values.
 
 """
 
 from collections import deque
 
-from rclpy.serialization import deserialize_message, serialize_message
-
-from ..cli.replay import message_class
 from ..core import ColorStereo, ColorStereoError, RecordingError
 from ..messages.calibration_watch import CalibrationWatch
-from ..messages.images import image_to_rgb, stamp_ns
+from ..messages.contents import Header, Image
+from ..messages.outputs import Context, OUTPUTS
+from ..messages.reading import image_to_rgb, stamp_ns
 from ..messages.synchronizer import Synchronizer
-from ..nodes.sensor.outputs import Outputs
 from ..patience import patience
-from .recording import IMAGE
 
 WAITING = 50
 """Pairs that wait for a calibration; older ones are given up."""
 
 
-class OfflineNode:
+class OfflineSensor:
     """
     Takes recorded messages in their order, appends outputs to a recording.
 
     Parameters
     ----------
+    recording : Recording
+        Where the messages come from.
     writer : RecordingWriter
     topics : StereoTopics
     settings : RangeNodeSettings
@@ -40,14 +39,15 @@ class OfflineNode:
 
     """
 
-    def __init__(self, writer, topics, settings, outputs, say=print):
-        namespace = topics.left_image.removesuffix('left/image_raw')
+    def __init__(self, recording, writer, topics, settings, outputs, say=print):
+        self._recording = recording
+        self._writer = writer
+        self._namespace = topics.left_image.removesuffix('left/image_raw')
         self._topics = topics
         self._settings = settings
         self._wanted = list(outputs)
         self._say = say
         self._now = 0
-        self._outputs = Outputs(_RecordingGraph(writer, namespace))
         self._synchronizer = Synchronizer(settings.sync.tolerance, settings.sync.queue_size,
                                           clock=self._clock)
         self._watch = CalibrationWatch(self._recalibrate, clock=self._clock)
@@ -66,10 +66,10 @@ class OfflineNode:
     def take(self, message):
         """Take a RecordedMessage of one of the four input topics."""
         self._now = message.time_ns
-        content = deserialize_message(message.data, message_class(message.type))
+        content = self._recording.decoded(message)
         side = 'left' if message.topic in (self._topics.left_image,
                                            self._topics.left_info) else 'right'
-        if message.type != IMAGE:
+        if message.type != Image.TYPE:
             self._watch.add(side, content)
         else:
             pair = self._synchronizer.add(side, stamp_ns(content.header), content)
@@ -78,7 +78,7 @@ class OfflineNode:
         self._watch.tick()
         self._measure_waiting()
 
-    def finish(self, recording):
+    def finish(self):
         """
         Count what is left over.
 
@@ -88,11 +88,11 @@ class OfflineNode:
             If not a single pair could be measured: then there is no result to keep.
 
         """
-        self.unpaired = (recording.counts[self._topics.left_image]
-                         + recording.counts[self._topics.right_image]
+        counts = self._recording.counts
+        self.unpaired = (counts[self._topics.left_image] + counts[self._topics.right_image]
                          - 2 * (self.measured + self.failed))
         if not self.measured:
-            raise RecordingError(f'{recording.path}: no pair could be measured: '
+            raise RecordingError(f'{self._recording.path}: no pair could be measured: '
                                  f'{self._watch.error or self._reason()}')
 
     def _reason(self):
@@ -120,31 +120,12 @@ class OfflineNode:
                 self.failed += 1
                 self._say(f'pair of stamp {stamp_ns(pair.left.header)} ns refused: {error}')
                 continue
-            rotation = self._watch.calibration.left.R.T
-            self._outputs.publish(self._wanted, result, pair.left.header, self._settings, rotation)
+            self._write(result, Header.of(pair.left.header))
             self.measured += 1
 
-
-class _RecordingGraph:
-    """Stands where `Outputs` expects a node: publishing appends to a recording."""
-
-    def __init__(self, writer, namespace):
-        self._writer = writer
-        self._namespace = namespace
-
-    def create_publisher(self, kind, topic, *_, **__):
-        """Return an object with the method `publish`."""
-        return _RecordingPublisher(self._writer, kind, self._namespace + topic)
-
-
-class _RecordingPublisher:
-
-    def __init__(self, writer, kind, topic):
-        package = kind.__module__.partition('.')[0]
-        self._writer, self._topic = writer, topic
-        self._type = f'{package}/msg/{kind.__name__}'
-
-    def publish(self, message):
-        """Append a message at its own stamp."""
-        self._writer.write(self._topic, self._type, stamp_ns(message.header),
-                           serialize_message(message))
+    def _write(self, result, header):
+        """Append the outputs at their own stamp."""
+        context = Context(header, self._settings, self._watch.calibration.left.R.T)
+        for topic in self._wanted:
+            content = OUTPUTS[topic].content(result, context)
+            self._writer.write_content(self._namespace + topic, stamp_ns(header), content)

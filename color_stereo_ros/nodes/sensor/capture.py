@@ -1,23 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stop and look: measure one pair on request, and save what was measured."""
+"""The service ~/capture: measure one pair that is taken after the call."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 import threading
 import time
-import traceback
 
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import QoSProfile
 
-from std_srvs.srv import Trigger
+from std_msgs.msg import Header
 
-from ...errors import RecordingError
-from ...files.cloud import save_cloud
-from ...messages.images import stamp_ns
+from ..filling import message_of
+from .services import POLL
 
 _COMPARABLE = 60_000_000_000  # ns; stamps farther from now are of another clock
-_POLL = 0.05
 
 
 @dataclass(eq=False)
@@ -54,59 +50,69 @@ class Request:
         self.done.set()
 
 
-class CaptureServices:
+class Capture:
     """
-    The services ~/capture and ~/save.
-
-    They wait for a pair, so they live in a thread and a (hidden) node of their own: an executor
-    that waits inside of a service takes no images.
+    Finds a pair for each call, and says on ~/acquired when both images are there.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        The node by whose name the services go.
+    services : ServiceThread
     sensor : RangeSensor
 
     """
 
-    def __init__(self, node, sensor):
-        self._node, self._sensor = node, sensor
-        self._stopped = threading.Event()
-        self._latest = None
-        self._helper = Node(f'_{node.get_name()}_services', namespace=node.get_namespace(),
-                            use_global_arguments=False, enable_rosout=False,
-                            start_parameter_services=False, context=node.context)
-        for name, callback in (('~/capture', self._capture), ('~/save', self._save)):
-            self._helper.create_service(Trigger, node.resolve_service_name(name), callback)
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(self._helper)
-        self._thread = threading.Thread(target=self._spin, name='services', daemon=True)
-        self._thread.start()
+    def __init__(self, node, services, sensor):
+        self._node, self._services, self._sensor = node, services, sensor
+        self._requests = []
+        self.latest = None
+        """The last Request that got a result, or None."""
+        self._acquired = node.create_publisher(
+            Header, '~/acquired', QoSProfile(depth=1),
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False))  # see `qos`
+        services.create('~/capture', self._serve)
 
-    def _spin(self):
-        while self._node.context.ok() and not self._stopped.is_set():
-            try:
-                self._executor.spin_once(timeout_sec=_POLL)
-            except Exception:  # the next call is served all the same
-                if self._node.context.ok():
-                    self._node.get_logger().error(traceback.format_exc())
+    def takes(self, pair):
+        """Tell whether a pair answers an open request; runs in the executor's thread."""
+        requested = [request for request in self._requests
+                     if not request.acquired and request.accepts(pair)]
+        for request in requested:
+            request.acquired = pair
+        if requested:
+            self._acquired.publish(message_of(pair.left.header))
+        return bool(requested)
 
-    def _measure(self):
-        """Return a finished request."""
+    def succeed(self, pair, result, context):
+        """Answer the requests for a pair; runs in the worker's thread, as `fail` does."""
+        for request in self._requests_for(pair):
+            request.finish(result=result, header=context.header, rotation=context.rotation)
+
+    def fail(self, pair, text):
+        """Answer the requests for a pair that gives no result with the reason."""
+        for request in self._requests_for(pair):
+            request.finish(text)
+
+    def _requests_for(self, pair):
+        """Return the requests that a pair answers: theirs, or one that replaced it."""
+        return [request for request in list(self._requests)
+                if request.acquired and request.acquired.arrival <= pair.arrival]
+
+    def measure(self):
+        """Return a finished Request; waits, so call it in the thread of the services."""
         request = Request(time.monotonic(), self._node.get_clock().now().nanoseconds)
         patience = self._sensor.settings.sync.warn_after
-        self._sensor.requests.append(request)
-        while not request.done.wait(_POLL) and not self._stopped.is_set():
+        self._requests.append(request)
+        while not request.done.wait(POLL) and not self._services.stopped.is_set():
             if time.monotonic() - request.moment > patience:
                 request.finish(self._sensor.why_no_result(patience))
-        if request in self._sensor.requests:
-            self._sensor.requests.remove(request)
+        if request in self._requests:
+            self._requests.remove(request)
         if not request.failure and request.result is not None:
-            self._latest = request
+            self.latest = request
         return request
 
-    def _capture(self, _, response):
-        request = self._measure()
+    def _serve(self, _, response):
+        request = self.measure()
         response.success = not request.failure and request.result is not None
         if response.success:
             stamp = request.header.stamp
@@ -116,38 +122,6 @@ class CaptureServices:
             response.message = request.failure or 'the node is shutting down'
         return response
 
-    def _save(self, _, response):
-        try:
-            response.message = self._save_latest()
-            response.success = True
-        except RecordingError as error:
-            response.success = False
-            response.message = str(error)
-            self._node.get_logger().error(f'save: {error}')
-        return response
-
-    def _save_latest(self):
-        """Write the points of the last capture, or of a new pair when streaming."""
-        settings = self._sensor.settings
-        streaming = settings.input.mode == 'stream'
-        request = self._measure() if streaming else self._latest
-        if request is None:
-            raise RecordingError('nothing has been captured yet: call ~/capture first')
-        if request.result is None:
-            raise RecordingError(request.failure or 'the node is shutting down')
-        folder = Path(settings.output.save_directory or '.')
-        if not folder.is_dir():
-            raise RecordingError(f'output.save_directory = {str(folder)!r} is no directory')
-        name = f'{self._node.get_name()}_{stamp_ns(request.header)}.{settings.output.save_format}'
-        points = request.result.points()
-        if settings.output.frame == 'camera':
-            points = points @ request.rotation.T.astype(points.dtype)
-        count = save_cloud(folder / name, points, request.result.image)
-        return f'{folder / name}: {count} points'
-
     def destroy(self):
-        """Stop serving; a call that waits is answered first."""
-        self._stopped.set()
-        self._thread.join()
-        self._executor.shutdown()
-        self._helper.destroy_node()
+        """Leave ~/acquired; the service ends with its thread."""
+        self._node.destroy_publisher(self._acquired)

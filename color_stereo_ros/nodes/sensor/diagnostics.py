@@ -4,29 +4,53 @@
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import QoSProfile
+
 from ...core.account import FEW, main_reason, status_shares
 from ...messages.synchronizer import SIDES
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
-def diagnostic_array(sensor, name, stamp):
+class Diagnostics:
     """
-    Return the diagnostics of a sensor.
+    Publishes /diagnostics every output.diagnostics_period.
 
     Parameters
     ----------
+    node : rclpy.node.Node
     sensor : RangeSensor
-    name : str
-        Full name of the node.
-    stamp : builtin_interfaces.msg.Time
-
-    Returns
-    -------
-    message : diagnostic_msgs.msg.DiagnosticArray
-        Four states: inputs, calibration, pattern, range images.
 
     """
+
+    def __init__(self, node, sensor):
+        self._node, self._sensor = node, sensor
+        self._publisher = node.create_publisher(
+            DiagnosticArray, '/diagnostics', QoSProfile(depth=1),
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False))  # see `qos`
+        self._timer = node.create_timer(sensor.settings.output.diagnostics_period, self.publish,
+                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def configure(self, settings):
+        """Take new settings."""
+        self._timer.timer_period_ns = round(settings.output.diagnostics_period * 1e9)
+
+    def publish(self):
+        """Publish the diagnostics now."""
+        self._publisher.publish(_diagnostic_array(
+            self._sensor, self._node.get_fully_qualified_name(),
+            self._node.get_clock().now().to_msg()))
+
+    def destroy(self):
+        """Leave the topic."""
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_publisher(self._publisher)
+
+
+def _diagnostic_array(sensor, name, stamp):
+    """Return the DiagnosticArray: four states, inputs, calibration, pattern, range images."""
     parts = {'inputs': _inputs, 'calibration': _calibration, 'pattern': _pattern,
              'range images': _range_images}
     message = DiagnosticArray()

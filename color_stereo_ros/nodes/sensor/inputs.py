@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The input topics of range_node: what arrives, is refused, or is paired."""
 
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import deserialize_message
 
 from sensor_msgs.msg import CameraInfo, Image
 
 from ...errors import ImageError
 from ...messages.calibration_watch import CalibrationWatch
-from ...messages.images import check_image, read_image, stamp_ns
+from ...messages.reading import check_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
 from ..complaints import Complaints
 from ..qos import incompatible_policy
@@ -86,7 +89,7 @@ class StereoInputs:
     node : rclpy.node.Node
     parameters : NodeParameters
     on_pair : callable
-        Called with a `Pair` of `RawImage`.
+        Called with a `Pair` of `messages.contents.Image`.
     on_calibration : callable
         Called when `calibration` has changed for better or worse.
 
@@ -111,6 +114,12 @@ class StereoInputs:
         """The latest image had a stamp of zero."""
         self.subscriptions = [self._subscribe(parameters, side, kind)
                               for side in SIDES for kind in (Image, CameraInfo)]
+        self._jumps = node.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
+                          on_clock_change=False), post_callback=self._jump_back)
+
+    def _jump_back(self, _):
+        self.synchronizer.jump_back(self._node.get_clock().now().nanoseconds)
 
     def _subscribe(self, parameters, side, kind):
         topic = f'{side}/{"image_raw" if kind is Image else "camera_info"}'
@@ -120,7 +129,7 @@ class StereoInputs:
 
     def _take_image(self, side, data):
         try:
-            msg = read_image(data)
+            msg = read_image(data, otherwise=_deserialized_image)
             check_image(msg)
         except ImageError as error:
             self.refused[side] += 1
@@ -164,5 +173,11 @@ class StereoInputs:
 
     def destroy(self):
         """Unsubscribe from everything."""
+        self._jumps.unregister()
         for subscription in self.subscriptions:
             subscription.destroy()
+
+
+def _deserialized_image(data):
+    """Return the Image in bytes of a middleware whose format only rclpy knows."""
+    return deserialize_message(data, Image)

@@ -4,7 +4,8 @@
 from rclpy.lifecycle import Node as ManagedNode, TransitionCallbackReturn
 from rclpy.node import Node
 
-from ..parameters import NodeParameters, RangeNodeSettings
+from ...parameters.groups import RangeNodeSettings
+from ..parameters import NodeParameters
 from .range_sensor import RangeSensor
 
 NAME = 'range_node'

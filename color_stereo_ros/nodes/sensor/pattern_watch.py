@@ -5,10 +5,14 @@ from dataclasses import asdict
 import json
 import threading
 
+from rclpy.event_handler import SubscriptionEventCallbacks
+
+from std_msgs.msg import String
+
 from ...core.patterns.making import make_pattern
 from ...core.patterns.registry import makable
 from ...errors import ColorStereoError
-from ..pattern_source import fingerprint
+from ..pattern_source import fingerprint, latched
 
 
 class PatternWatch:
@@ -17,25 +21,28 @@ class PatternWatch:
 
     Parameters
     ----------
+    node : rclpy.node.Node
+        Warned once of each mismatch.
     settings : PatternSettings
-    warn : callable
-        Called once with a text for each mismatch; from another thread if only the pixels differ.
 
     """
 
-    def __init__(self, settings, warn):
+    def __init__(self, node, settings):
+        self._node = node
         self._settings = settings
-        self._warn = warn
         self._shown = None
         self.mismatch = None
         """What does not fit, or None."""
+        self._subscription = node.create_subscription(
+            String, 'pattern/info', lambda msg: self._take(msg.data), latched(),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
 
     @property
     def known(self):
         """Tell whether anybody has said what is shown."""
         return self._shown is not None
 
-    def take(self, text):
+    def _take(self, text):
         """Take the JSON text of pattern/info."""
         try:
             shown = json.loads(text)
@@ -81,4 +88,8 @@ class PatternWatch:
     def _report(self, mismatch):
         if mismatch != self.mismatch:
             self.mismatch = mismatch
-            self._warn(f'pattern: {mismatch}')
+            self._node.get_logger().warning(f'pattern: {mismatch}')
+
+    def destroy(self):
+        """Unsubscribe."""
+        self._node.destroy_subscription(self._subscription)

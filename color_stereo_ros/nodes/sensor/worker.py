@@ -12,7 +12,7 @@ import numpy as np
 from ...core.pipeline import ColorStereo
 from ...core.surface import warm_up
 from ...errors import ColorStereoError
-from ...messages.images import image_to_rgb
+from ...messages.reading import image_to_rgb
 from ...messages.synchronizer import LatestSlot
 from ..complaints import Complaints
 
@@ -129,7 +129,7 @@ class Worker:
         self._slot.wake()
 
     def submit(self, pair):
-        """Measure a pair of Image messages as soon as the one at hand is done."""
+        """Measure a pair of images as soon as the one at hand is done."""
         self._slot.put(pair)
 
     def _run(self):
@@ -237,4 +237,3 @@ def _image(side, message):
         return image_to_rgb(message)
     except ColorStereoError as error:
         raise type(error)(f'{side} image: {error}') from error
-

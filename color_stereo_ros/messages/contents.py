@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a message holds, as plain data whose field names are those of the ROS message.
+
+A content is built once and serialized by whoever sends it: `nodes.filling` makes a message of
+rclpy, `recordings.writing` the bytes of a recording. Long fields are arrays that are not copied.
+
+"""
+
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ImageError
+from .encodings import WRITTEN
+
+
+@dataclass(frozen=True)
+class Time:
+    """A moment."""
+
+    TYPE = 'builtin_interfaces/msg/Time'
+
+    sec: int = 0
+    nanosec: int = 0
+
+
+@dataclass(frozen=True)
+class Header:
+    """Stamp and frame."""
+
+    TYPE = 'std_msgs/msg/Header'
+
+    stamp: Time = Time()
+    frame_id: str = ''
+
+    @classmethod
+    def of(cls, header):
+        """Return the Header with the values of any object that has the same fields."""
+        return cls(Time(header.stamp.sec, header.stamp.nanosec), header.frame_id)
+
+    @classmethod
+    def at(cls, time_ns, frame_id):
+        """Return the Header of a moment in ns."""
+        return cls(Time(*divmod(int(time_ns), 1_000_000_000)), frame_id)
+
+
+@dataclass(frozen=True)
+class RegionOfInterest:
+    """A part of an image."""
+
+    TYPE = 'sensor_msgs/msg/RegionOfInterest'
+
+    x_offset: int = 0
+    y_offset: int = 0
+    height: int = 0
+    width: int = 0
+    do_rectify: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """An image."""
+
+    TYPE = 'sensor_msgs/msg/Image'
+
+    header: Header
+    height: int
+    width: int
+    encoding: str
+    is_bigendian: int
+    step: int
+    data: object
+    """Bytes, height * step of them: uint8 array, `array`, memoryview."""
+
+    @classmethod
+    def of(cls, msg):
+        """Return the Image that shares the pixels of any object with the same fields."""
+        return cls(Header.of(msg.header), msg.height, msg.width, msg.encoding, msg.is_bigendian,
+                   msg.step, msg.data)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraInfo:
+    """The calibration of a camera."""
+
+    TYPE = 'sensor_msgs/msg/CameraInfo'
+
+    header: Header
+    height: int
+    width: int
+    distortion_model: str
+    d: np.ndarray
+    """float64 (n,)."""
+    k: np.ndarray
+    """float64 (9,)."""
+    r: np.ndarray
+    """float64 (9,)."""
+    p: np.ndarray
+    """float64 (12,)."""
+    binning_x: int = 0
+    binning_y: int = 0
+    roi: RegionOfInterest = RegionOfInterest()
+
+
+@dataclass(frozen=True)
+class PointField:
+    """One number of each point."""
+
+    TYPE = 'sensor_msgs/msg/PointField'
+
+    FLOAT32 = 7
+
+    name: str
+    offset: int
+    datatype: int = FLOAT32
+    count: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud2:
+    """Points."""
+
+    TYPE = 'sensor_msgs/msg/PointCloud2'
+
+    header: Header
+    height: int
+    width: int
+    fields: tuple
+    """Of PointField."""
+    is_bigendian: bool
+    point_step: int
+    row_step: int
+    data: object
+    """Bytes, as of an Image."""
+    is_dense: bool
+
+
+@dataclass(frozen=True, eq=False)
+class DisparityImage:
+    """Disparities whose depth is f t / d."""
+
+    TYPE = 'stereo_msgs/msg/DisparityImage'
+
+    header: Header
+    image: Image
+    f: float
+    t: float
+    valid_window: RegionOfInterest
+    min_disparity: float
+    max_disparity: float
+    delta_d: float
+
+
+def new_memory(size):
+    """Return bytes for the field `data` of a content; the size is their number."""
+    return array('B', bytes(size))
+
+
+def image(pixels, encoding, header):
+    """
+    Return the content of an image message.
+
+    Parameters
+    ----------
+    pixels : numpy.ndarray, shape (H, W) or (H, W, 3)
+        Of the type that the encoding says. The content shares their memory.
+    encoding : str
+        One of `encodings.WRITTEN`.
+    header : Header
+
+    Returns
+    -------
+    content : Image
+
+    Raises
+    ------
+    ImageError
+        If type or shape of the pixels do not fit the encoding.
+
+    """
+    dtype, channels = WRITTEN[encoding]
+    shape = pixels.shape[:2] if channels == 1 else (*pixels.shape[:2], channels)
+    if pixels.dtype != dtype or pixels.shape != shape:
+        raise ImageError(
+            f'an image of type {pixels.dtype} and shape {pixels.shape} is no {encoding}')
+    data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
+    return Image(header, shape[0], shape[1], encoding, 0,
+                 shape[1] * channels * pixels.itemsize, data)
+
+
+def camera_info(camera, header):
+    """
+    Return the content of the camera_info of a raw image.
+
+    Parameters
+    ----------
+    camera : CameraModel
+    header : Header
+
+    Returns
+    -------
+    content : CameraInfo
+
+    """
+    return CameraInfo(header, camera.height, camera.width, camera.distortion_model,
+                      *(getattr(camera, name).ravel() for name in 'DKRP'))

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The encodings of sensor_msgs/Image: which are read, and how the bytes of each are laid out."""
+
+import cv2
+import numpy as np
+
+PLAIN = {'rgb8': (3, None), 'bgr8': (3, cv2.COLOR_BGR2RGB),
+         'rgba8': (4, cv2.COLOR_RGBA2RGB), 'bgra8': (4, cv2.COLOR_BGRA2RGB)}
+"""Channels of an encoding, and OpenCV's conversion to RGB."""
+
+# ROS names the first two pixels of rows 0 and 1. OpenCV's older two-letter names start at pixel
+# (1, 1) instead (its BayerBG is rggb); these four-letter names mean the same as in ROS.
+BAYER = {'bayer_rggb': cv2.COLOR_BayerRGGB2RGB, 'bayer_bggr': cv2.COLOR_BayerBGGR2RGB,
+         'bayer_gbrg': cv2.COLOR_BayerGBRG2RGB, 'bayer_grbg': cv2.COLOR_BayerGRBG2RGB}
+"""OpenCV's conversion of a mosaic to RGB; the encodings of messages end with 8 or 16."""
+
+READ = (*PLAIN, *(name + bits for bits in ('8', '16') for name in BAYER))
+"""The encodings that `reading.image_to_rgb` reads."""
+
+WRITTEN = {'rgb8': (np.uint8, 3), 'bgr8': (np.uint8, 3), 'mono8': (np.uint8, 1),
+           '16UC1': (np.uint16, 1), '32FC1': (np.float32, 1),
+           **{name + '8': (np.uint8, 1) for name in BAYER}}
+"""Type and channels of the encodings that `contents.image` writes."""
+
+_COLORLESS = ('mono8', 'mono16', '8UC1', '16UC1', '32FC1', '64FC1')
+
+
+def conversion(encoding):
+    """Return OpenCV's conversion to RGB, None if the encoding is RGB already."""
+    if encoding in PLAIN:
+        return PLAIN[encoding][1]
+    return BAYER[encoding.removesuffix('16').removesuffix('8')]
+
+
+def complaint(encoding):
+    """Return why images of an encoding cannot be read, as a sentence without an end."""
+    if encoding in _COLORLESS:
+        reason = 'has no color, but the pattern is told apart by its color'
+    elif encoding in ('8UC3', '8UC4'):
+        reason = 'does not tell the order of its channels'
+    elif encoding == '':
+        reason = 'is empty'
+    else:
+        reason = 'is not supported'
+    return f'encoding = {encoding!r} {reason}; expected one of {", ".join(READ)}'

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The output topics of range_node: what each holds, and how it follows from a result.
+
+A new output is one entry of `OUTPUTS`. The node publishes it, `color_stereo convert` writes it,
+and the documentation lists it, in the order of the entries.
+
+"""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from ..core.cameras.calibration import CameraModel
+from ..core.false_color import false_color
+from ..core.registry import Registry
+from .cloud import cloud
+from .contents import camera_info, CameraInfo, DisparityImage, Header, Image, image, new_memory
+from .contents import PointCloud2
+from .disparity import disparity
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """What an output needs beside the result."""
+
+    header: Header
+    """Stamp of the left image, frame of the outputs."""
+    settings: object
+    """RangeNodeSettings."""
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    """float64 (3, 3), from the rectified to the physical left camera."""
+    memory: object = new_memory
+    """Called with a size, returns that many bytes for `data`; they may hold an older message."""
+
+    def with_memory(self, memory):
+        """Return the same context with another memory."""
+        return Context(self.header, self.settings, self.rotation, memory)
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """One output topic."""
+
+    type: str
+    """Of its messages, for example sensor_msgs/msg/Image."""
+    description: str
+    """Encoding, unit, the value that means unknown."""
+    content: object
+    """Called with (RangeResult, Context), returns one of `contents`."""
+
+
+OUTPUTS = Registry('output topic', Output)
+"""The outputs by relative topic, in the order in which they are published."""
+
+
+def output(topic, content_type, description):
+    """
+    Return a decorator that registers a function of (result, context) as an output topic.
+
+    Parameters
+    ----------
+    topic : str
+        Relative name.
+    content_type : type
+        The class of `contents` that the function returns.
+    description : str
+
+    """
+    def register(function):
+        OUTPUTS.register(topic, Output(content_type.TYPE, description, function))
+        return function
+    return register
+
+
+def millimeters(depth):
+    """Return depth (m, NaN = unknown) as uint16 mm, 0 = unknown or beyond 65.535 m (REP 118)."""
+    scaled = np.rint(np.nan_to_num(depth, nan=0.0) * np.float32(1000.0))
+    scaled[scaled > 65535.0] = 0.0
+    return scaled.astype(np.uint16)
+
+
+@lru_cache(maxsize=2)
+def rectified_camera(geometry):
+    """Return the CameraModel of rectified left images: D = 0, R = I, K is the left part of P."""
+    fx, fy = geometry.focal_x, geometry.focal_y
+    cx, cy = geometry.center_x_left, geometry.center_y
+    projection = np.array([[fx, 0.0, cx, 0.0], [0.0, fy, cy, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    return CameraModel('left', geometry.width, geometry.height, 'plumb_bob', np.zeros(5),
+                       projection[:, :3], np.eye(3), projection)
+
+
+@output('points', PointCloud2, 'organized H x W, fields x y z rgb, 16 bytes a point, NaN = '
+        'unknown; with `output.compact_points` the known points only')
+def _points(result, context):
+    settings = context.settings.output
+    return cloud(result, context.header, compact=settings.compact_points, memory=context.memory,
+                 rotation=context.rotation if settings.frame == 'camera' else None)
+
+
+@output('depth/image', Image, '32FC1, m along Z of the rectified left camera, NaN = unknown; with '
+        '`output.depth_encoding` 16UC1 in mm, 0 = unknown')
+def _depth(result, context):
+    if context.settings.output.depth_encoding == '16UC1':
+        return image(millimeters(result.depth), '16UC1', context.header)
+    return image(result.depth, '32FC1', context.header)
+
+
+@output('depth/camera_info', CameraInfo,
+        'the rectified left camera; stamp and frame of depth/image')
+def _depth_camera_info(result, context):
+    return camera_info(rectified_camera(result.geometry), context.header)
+
+
+@output('disparity', DisparityImage, 'Z = f t / d; unknown below `min_disparity`')
+def _disparity(result, context):
+    return disparity(result, context.header)
+
+
+@output('confidence/image', Image, '32FC1, 0..1, the probability that the match is right')
+def _confidence(result, context):
+    return image(result.confidence, '32FC1', context.header)
+
+
+@output('depth_std/image', Image, '32FC1, standard deviation of the depth, m, NaN = unknown')
+def _depth_std(result, context):
+    return image(result.depth_std, '32FC1', context.header)
+
+
+@output('status/image', Image, 'mono8, why a pixel has no range; 0 = it has one')
+def _status(result, context):
+    return image(result.status, 'mono8', context.header)
+
+
+@output('range_image', Image, 'bgr8, false colors with a scale bar: near = purple .. far = '
+        'orange, unknown = black')
+def _range_image(result, context):
+    limits = context.settings.range
+    picture = false_color(result.depth, limits.min_depth, limits.max_depth)
+    return image(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), 'bgr8', context.header)

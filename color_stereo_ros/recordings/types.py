@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The message types of ROS 2 Jazzy as the library `rosbags` knows them, and contents as CDR."""
+
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+
+import numpy as np
+
+
+@lru_cache(maxsize=1)
+def typestore():
+    """Return the message types of ROS 2 Jazzy."""
+    from rosbags.typesys import Stores, get_typestore
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def serialized(content):
+    """
+    Return the bytes of a message.
+
+    Parameters
+    ----------
+    content : object
+        One of `messages.contents`.
+
+    Returns
+    -------
+    data : memoryview
+        CDR, little endian.
+
+    """
+    return typestore().serialize_cdr(_message(content), content.TYPE)
+
+
+def _message(content):
+    """Return a content as an object of rosbags."""
+    values = {spec.name: _value(getattr(content, spec.name)) for spec in fields(content)}
+    return typestore().types[content.TYPE](**values)
+
+
+def _value(value):
+    if is_dataclass(value):
+        return _message(value)
+    if isinstance(value, tuple):
+        return [_message(item) for item in value]
+    return value if isinstance(value, (bool, int, float, str)) else np.asarray(value)
