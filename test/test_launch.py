@@ -8,8 +8,7 @@ import xml.etree.ElementTree as ElementTree
 
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.messages.outputs import OUTPUTS
-from color_stereo_ros.nodes.sim_rig import SimRigSettings
-from color_stereo_ros.parameters.groups import RangeNodeSettings
+from color_stereo_ros.parameters.groups import RangeNodeSettings, SimRigSettings
 
 import pytest
 

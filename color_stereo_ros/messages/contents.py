@@ -3,7 +3,8 @@
 What a message holds, as plain data whose field names are those of the ROS message.
 
 A content is built once and serialized by whoever sends it: `nodes.filling` makes a message of
-rclpy, `recordings.writing` the bytes of a recording. Long fields are arrays that are not copied.
+rclpy, `recordings.types` the bytes of a recording. Numbers are Python's own, lists are tuples.
+Long fields are arrays that are not copied.
 
 """
 

@@ -19,11 +19,11 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo, Image
 
-from ..core.settings import Group, setting
 from ..errors import ColorStereoError
 from ..messages.contents import camera_info, Header, image
 from ..messages.reading import image_to_rgb
 from ..messages.synchronizer import LatestSlot
+from ..parameters.groups import SimRigSettings
 from ..sim import load_scene, Renderer
 from ..sim.electronics import expose, exposures_for
 from .filling import message_of
@@ -31,28 +31,6 @@ from .parameters import NodeParameters
 from .pattern_source import latched
 
 PATIENCE = 2.0  # s that the end of the node waits for the renderer
-
-
-@dataclass(frozen=True)
-class SimSettings(Group):
-    """What is simulated."""
-
-    prefix = 'sim'
-
-    scene: str = setting('solids', 'name of a scene of the package, or a YAML file')
-    rig: str = setting('', "name of a rig of the package, or a YAML file; empty = the scene's own")
-    rate: float = setting(5.0, 'frames of each camera', unit='1/s', minimum=0.01, maximum=200.0)
-    samples: int = setting(3, 'samples per pixel along either axis', minimum=1, maximum=16)
-    indirect: bool = setting(True, 'render light that bounces between objects')
-    cache: str = setting('', 'folder that keeps what does not depend on the pattern; empty = none')
-    seed: int = setting(1, 'of the camera noise', minimum=0, maximum=2**31 - 1)
-
-
-@dataclass(frozen=True)
-class SimRigSettings:
-    """All parameters of sim_rig_node."""
-
-    sim: SimSettings = SimSettings()
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,3 +82,25 @@ class PatternNodeSettings:
     """All parameters of pattern_node."""
 
     pattern: PatternSettings = Settings().pattern
+
+
+@dataclass(frozen=True)
+class SimSettings(Group):
+    """What is simulated."""
+
+    prefix = 'sim'
+
+    scene: str = setting('solids', 'name of a scene of the package, or a YAML file')
+    rig: str = setting('', "name of a rig of the package, or a YAML file; empty = the scene's own")
+    rate: float = setting(5.0, 'frames of each camera', unit='1/s', minimum=0.01, maximum=200.0)
+    samples: int = setting(3, 'samples per pixel along either axis', minimum=1, maximum=16)
+    indirect: bool = setting(True, 'render light that bounces between objects')
+    cache: str = setting('', 'folder that keeps what does not depend on the pattern; empty = none')
+    seed: int = setting(1, 'of the camera noise', minimum=0, maximum=2**31 - 1)
+
+
+@dataclass(frozen=True)
+class SimRigSettings:
+    """All parameters of sim_rig_node."""
+
+    sim: SimSettings = SimSettings()

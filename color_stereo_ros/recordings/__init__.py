@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings (rosbag2): read, written, measured without ROS, replayed."""
+"""Recordings (rosbag2): read, written and measured; no ROS library is needed."""

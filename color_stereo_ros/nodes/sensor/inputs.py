@@ -3,9 +3,6 @@
 
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message
 
 from sensor_msgs.msg import CameraInfo, Image
@@ -15,69 +12,7 @@ from ...messages.calibration_watch import CalibrationWatch
 from ...messages.reading import check_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
 from ..complaints import Complaints
-from ..qos import incompatible_policy
-
-_DEPTH = 10
-
-
-class FollowingSubscription:
-    """
-    A subscription that is as reliable as the publishers offer to be.
-
-    It is reliable until a best-effort publisher shows up. A `qos_overrides` parameter for its
-    reliability pins it.
-
-    """
-
-    def __init__(self, node, kind, topic, callback, parameters):
-        self._node, self._kind, self._topic, self._callback = node, kind, topic, callback
-        self.name = node.resolve_topic_name(topic)
-        self.mismatch = None
-        """The QoS policy that keeps a publisher away, or None."""
-        policies = [QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH]
-        self._pinned = parameters.is_given(
-            f'qos_overrides.{self.name}.subscription.reliability')
-        if self._pinned:
-            policies.append(QoSPolicyKind.RELIABILITY)
-        self._profile = QoSProfile(depth=_DEPTH)
-        self._subscription = self._create(QoSOverridingOptions(policies))
-
-    def _create(self, options=None):
-        # images are read from their bytes: rclpy's conversion holds the interpreter for 1 ms each
-        return self._node.create_subscription(
-            self._kind, self._topic, self._callback, self._profile, raw=self._kind is Image,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            qos_overriding_options=options)
-
-    @property
-    def reliability(self):
-        """Return 'reliable' or 'best_effort'."""
-        return self._profile.reliability.name.lower()
-
-    @property
-    def publishers(self):
-        """Return how many publishers there are."""
-        return self._node.count_publishers(self.name)
-
-    def follow(self):
-        """Become what the publishers offer; call it from the executor's thread now and then."""
-        profiles = [info.qos_profile
-                    for info in self._node.get_publishers_info_by_topic(self.name)]
-        offered = {profile.reliability for profile in profiles}
-        best_effort = QoSReliabilityPolicy.BEST_EFFORT
-        wanted = best_effort if best_effort in offered else QoSReliabilityPolicy.RELIABLE
-        if offered and not self._pinned and wanted != self._profile.reliability:
-            self._profile.reliability = wanted
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = self._create()
-            self._node.get_logger().info(f'{self.name}: subscribed {self.reliability} as the '
-                                         'publishers offer')
-        policies = (incompatible_policy(profile, self._profile) for profile in profiles)
-        self.mismatch = next(filter(None, policies), None)
-
-    def destroy(self):
-        """Unsubscribe."""
-        self._node.destroy_subscription(self._subscription)
+from ..following import FollowingSubscription
 
 
 class StereoInputs:
@@ -124,8 +59,9 @@ class StereoInputs:
     def _subscribe(self, parameters, side, kind):
         topic = f'{side}/{"image_raw" if kind is Image else "camera_info"}'
         take = self._take_image if kind is Image else self.calibration.add
+        # images are read from their bytes: rclpy's conversion holds the interpreter for 1 ms each
         return FollowingSubscription(self._node, kind, topic, lambda msg: take(side, msg),
-                                     parameters)
+                                     parameters, raw=kind is Image)
 
     def _take_image(self, side, data):
         try:
