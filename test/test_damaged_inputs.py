@@ -170,7 +170,7 @@ def test_a_recording_with_random_damage_is_one_line(tmp_path, capfd, effort, fig
 
 @pytest.mark.parametrize('name', ['left.yaml', 'truth.npz', 'left.png'])
 def test_a_scene_with_random_damage_is_read_or_refused(scene, name, effort, figures):
-    seeds = effort.seeds(10, 2000)
+    seeds = effort.seeds(10, 500)
     whole = (scene / name).read_bytes()
     refused = 0
     for seed in seeds:
@@ -184,5 +184,5 @@ def test_a_scene_with_random_damage_is_read_or_refused(scene, name, effort, figu
             load_folder(scene)
         except ColorStereoError as error:
             refused += 1
-            assert name in str(error) and not PYTHON_ONLY.search(str(error)), str(error)
+            assert Path(name).stem in str(error) and not PYTHON_ONLY.search(str(error)), name
     figures(f'scenes with a damaged {name} refused', refused, 'scenes', over=seeds)

@@ -324,7 +324,7 @@ def test_serialized_images_with_random_damage_are_read_or_refused(effort, figure
         for _ in range(random.randint(1, 8)):
             data[random.randrange(len(data))] = random.randrange(256)
         try:
-            messages.image_to_rgb(messages.read_image(bytes(data[:random.randint(1, 200)])))
+            reading.image_to_rgb(reading.read_image(bytes(data[:random.randint(1, 200)])))
         except ImageError:
             refused += 1
     figures('serialized images with random damage refused', refused, 'images', over=seeds)

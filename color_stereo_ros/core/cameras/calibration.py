@@ -50,24 +50,12 @@ class CameraModel:
             object.__setattr__(self, field, checks.matrix(
                 f'{self.name} {field}', getattr(self, field), shape))
         checks.check_size(self)
-        _check_distortion(self)
+        checks.check_distortion(self)
         checks.check_intrinsics(self)
         checks.check_rotation(f'{self.name} R', self.R)
         checks.check_projection(self)
         for field in ('width', 'height'):
             object.__setattr__(self, field, int(getattr(self, field)))
-
-
-def _check_distortion(camera):
-    model = camera.distortion_model
-    if model not in LENSES:
-        raise CalibrationError(f'{camera.name} distortion_model = {model!r} is unknown, expected '
-                               f'one of {", ".join(LENSES)}')
-    lengths = LENSES[model].lengths
-    if camera.D.size not in lengths:
-        raise CalibrationError(
-            f'{camera.name} D has {camera.D.size} values, expected '
-            f'{" or ".join(map(str, lengths))} for distortion_model {model}')
 
 
 @dataclass(frozen=True, eq=False)

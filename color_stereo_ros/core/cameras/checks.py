@@ -4,6 +4,7 @@
 import numpy as np
 
 from ...errors import CalibrationError
+from .lenses import LENSES
 
 ROTATION_TOLERANCE = 1e-3    # largest deviation of R R^T from the identity
 PROJECTION_TOLERANCE = 0.01  # px, between the entries of P that both cameras share
@@ -33,6 +34,19 @@ def check_size(camera):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value <= 0:
             raise CalibrationError(
                 f'{camera.name} {field} = {value!r} px is not an image size, expected > 0')
+
+
+def check_distortion(camera):
+    """Refuse an unknown lens model and a number of coefficients that it cannot have."""
+    model = camera.distortion_model
+    if model not in LENSES:
+        raise CalibrationError(f'{camera.name} distortion_model = {model!r} is unknown, expected '
+                               f'one of {", ".join(LENSES)}')
+    lengths = LENSES[model].lengths
+    if camera.D.size not in lengths:
+        raise CalibrationError(
+            f'{camera.name} D has {camera.D.size} values, expected '
+            f'{" or ".join(map(str, lengths))} for distortion_model {model}')
 
 
 def check_intrinsics(camera):
