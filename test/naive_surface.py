@@ -242,16 +242,16 @@ def cubic(p, t):
     return through(t), through.deriv()(t)
 
 
-def foreshortened(left, y, x, kernel, a, b):
+def foreshortened(left, y, x, psf, a, b):
     """Return the left chromaticities of a node, blurred as the right view of its plane."""
     shown = max(1 - a / 2, 0.25)
-    variance = kernel * ((1 + (b / 2) ** 2) / shown ** 2 - 1)  # px^2
+    variance = psf * ((1 + (b / 2) ** 2) / shown ** 2 - 1)  # px^2
     gain = min(variance / 4 / 2, 1 / 3)
     u = left[:2].astype(float)
     return u[:, y, x] + gain * (u[:, y, x - 1] - 2 * u[:, y, x] + u[:, y, x + 1])
 
 
-def linearize(left, right, kernel, matrix, planes, tiles, robust, scale, reference):
+def linearize(left, right, psf, matrix, planes, tiles, robust, scale, reference):
     """Return weight, moment and misfit, NaN outside the tiles; left, right are (u, v, var)."""
     d, a, b = planes
     out = np.full((3, *d.shape), np.nan)
@@ -267,7 +267,7 @@ def linearize(left, right, kernel, matrix, planes, tiles, robust, scale, referen
         (u, gu), (v, gv) = (cubic(right[c, y, i - 1:i + 3].astype(float), place - i)
                             for c in (0, 1))
         blurred = max(left[2, y, x - 1], left[2, y, x + 1]) < FLAT
-        own = foreshortened(left, y, x, kernel if blurred else 0, a[y, x], b[y, x])
+        own = foreshortened(left, y, x, psf if blurred else 0, a[y, x], b[y, x])
         error = own - matrix @ (u, v, 1)
         slope = matrix[:, :2] @ (gu, gv)
         steep = slope @ slope
@@ -354,7 +354,7 @@ def capped(chi):
     return float(chi) if chi < CEILING else CEILING
 
 
-def plane_misfit(left, right, kernel, matrix, scale, cap, planes, y, x, step_y, step_x):
+def plane_misfit(left, right, psf, matrix, scale, cap, planes, y, x, step_y, step_x):
     """Return the truncated misfit of one node under the plane of the node a step away."""
     d, a, b = planes[:, y + step_y, x + step_x].astype(float)
     place = 2.0 * (x - PAD) - (d - a * step_x - b * step_y)
@@ -367,7 +367,7 @@ def plane_misfit(left, right, kernel, matrix, scale, cap, planes, y, x, step_y, 
         return cap / 2
     slope = (there - here)[:2]
     u, v = here[:2] + slope * (place - i)
-    error = foreshortened(left, y, x, kernel, a, b) - matrix @ (u, v, 1)
+    error = foreshortened(left, y, x, psf, a, b) - matrix @ (u, v, 1)
     spread = scale * (left[2, y, x] + noise) + float(JITTER) * (slope @ slope)
     return min(cap, error @ error / spread)
 
@@ -377,7 +377,7 @@ def shifted_mean(misfits, y, x):
     return min(np.mean([misfits[y + j + v, x + i + u] for v, u in WINDOW]) for j, i in WINDOW)
 
 
-def propagate(left, right, kernel, matrix, scale, cap, inertia, planes, tiles, step,
+def propagate(left, right, psf, matrix, scale, cap, inertia, planes, tiles, step,
               own_cost=None):
     """Return d, a, b and cost, NaN outside the tiles; own_cost: of the planes, if judged."""
     out = np.full((4, *planes.shape[1:]), np.nan)
@@ -386,7 +386,7 @@ def propagate(left, right, kernel, matrix, scale, cap, inertia, planes, tiles, s
             for y, x in tile_nodes(tile):
                 out[3, y, x] = cap
             continue
-        misfits = {(j, i): {(y, x): plane_misfit(left, right, kernel, matrix, scale, cap, planes,
+        misfits = {(j, i): {(y, x): plane_misfit(left, right, psf, matrix, scale, cap, planes,
                                                  y, x, step * j, step * i)
                             for y, x in tile_nodes(tile, HALO)} for j, i in CROSS}
         for y, x in tile_nodes(tile):
@@ -432,7 +432,7 @@ def color_sums(left, right, d, misfit, worst, rows, columns, step_y, step_x):
     return normal, target
 
 
-def judge(planes, cost, misfit, variance, left_s, right_s, balance, rows, columns, model):
+def weigh_evidence(planes, cost, misfit, variance, left_s, right_s, balance, rows, columns, model):
     """Return evidence (5, rows, columns) and trust (rows, columns)."""
     d, a, b = planes
     evidence, trust = np.zeros((rows, columns, 5)), np.zeros((rows, columns))

@@ -7,6 +7,7 @@ import re
 
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.cli.settings import markdown_table
+from color_stereo_ros.cli.tables import output_table
 from color_stereo_ros.core import (
     ColorStereo, make_pattern, PatternSettings, Settings, SettingsError, StereoCalibration)
 from color_stereo_ros.core.cameras.lenses import LENSES
@@ -15,6 +16,9 @@ from color_stereo_ros.core.methods import METHODS
 from color_stereo_ros.core.patterns.registry import PATTERNS
 from color_stereo_ros.evaluation import datasets, methods
 from color_stereo_ros.files.image import read_image
+from color_stereo_ros.messages.contents import Header
+from color_stereo_ros.messages.outputs import Context, OUTPUTS
+from color_stereo_ros.parameters.groups import RangeNodeSettings
 from color_stereo_ros.sim import load_scene
 import cv2
 import numpy as np
@@ -24,7 +28,7 @@ from surface_pairs import pair_of, rig, surface_settings
 
 PAGE = (Path(__file__).parents[1] / 'docs/extending.md').read_text(encoding='utf-8')
 EXAMPLES = dict(re.findall(r'^## An? (.*?)\n.*?```python\n(.*?)```', PAGE, re.M | re.DOTALL))
-REGISTRIES = PATTERNS, METHODS, LENSES
+REGISTRIES = PATTERNS, METHODS, LENSES, OUTPUTS
 
 
 @pytest.fixture
@@ -155,3 +159,27 @@ def test_the_lens_is_written_read_and_simulated(example, tmp_path):
     cameras = {'distortion_model': 'fov', 'distortion': [0.5]}
     scene = load_scene({'objects': [], 'rig': {'base': 'paper', 'cameras': cameras}})
     assert scene.rig.calibration.left.D == pytest.approx([0.5])
+
+
+@of('output topic')
+def test_the_output_is_among_the_topics(example, capsys):
+    assert list(OUTPUTS)[-1] == 'distance/image'
+    assert output_table().endswith('| `distance/image` | sensor_msgs/Image | 32FC1, m from the left '
+                                   'camera to the surface, NaN = unknown |\n')
+    with pytest.raises(SystemExit):
+        cli.main(['convert', '--help'])
+    assert 'range_image, distance/image' in ' '.join(capsys.readouterr().out.split())
+
+
+@of('output topic')
+def test_the_content_of_the_output_is_built(example):
+    calibration = rig(240, 120)
+    pair = pair_of(np.full((120, 240), 24.0))
+    result = ColorStereo(calibration, surface_settings(10.0, 40.0)).process(*pair)
+    header = Header.at(5_000_000_007, 'left')
+    content = OUTPUTS['distance/image'].content(result, Context(header, RangeNodeSettings()))
+    assert (content.encoding, content.height, content.width) == ('32FC1', 120, 240)
+    assert content.header is header and content.TYPE == OUTPUTS['distance/image'].type
+    distance = np.frombuffer(content.data, np.float32).reshape(120, 240)
+    np.testing.assert_allclose(distance, np.sqrt((result.points() ** 2).sum(axis=2)), rtol=1e-6)
+    assert np.isfinite(distance).mean() > 0.8 and np.nanmin(distance) > 0

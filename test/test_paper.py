@@ -93,8 +93,8 @@ def test_judging_agrees_with_the_formulas(subpixel):
     disparity, deviation, confidence = np.empty((3, HEIGHT, WIDTH), np.float32)
     status = np.empty((HEIGHT, WIDTH), np.uint8)
     code = {'none': 0, 'parabola': 1, 'weighted': 2}[subpixel]
-    kernels.judge(winner, costs, reason, right, FIRST, COUNT, low, high, 4.0, 2.0, code, 1.5,
-                   -100.0, 100.0, disparity, deviation, confidence, status)
+    kernels.accept_winners(winner, costs, reason, right, FIRST, COUNT, low, high, 4.0, 2.0, code,
+                           1.5, -100.0, 100.0, disparity, deviation, confidence, status)
     for y in range(HEIGHT):
         for x in range(WIDTH):
             k, mirrored = (int(v) for v in winner[y, x])

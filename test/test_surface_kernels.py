@@ -29,8 +29,8 @@ from color_stereo_ros.core.surface.pixel_kernels import expand
 from color_stereo_ros.core.surface.plane_kernels import (
     find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
 from color_stereo_ros.core.surface.trust_kernels import (
-    brightness_balance, find_hidden, HOPELESS, ISLAND, join_nodes, judge, remove_islands, root_of,
-    settle, UNKNOWN)
+    brightness_balance, find_hidden, HOPELESS, ISLAND, join_nodes, remove_islands, root_of,
+    settle, UNKNOWN, weigh_evidence)
 from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.core.surface.view_kernels import (
     add_color_sums, box_sums, channel_levels, sample_colors)
@@ -45,7 +45,7 @@ WIDTH = 2 * COLUMNS
 INNER = np.s_[PAD:PAD + ROWS, PAD:PAD + COLUMNS]
 TILES = tiles_of(SHAPE)
 SOFT, NOISE = F4(TUNING.views.softening), tuple(F4(each) for each in TUNING.views.noise)
-KERNEL = F4(1.2)  # px^2
+PSF = F4(1.2)  # px^2
 ROBUST, STEEPEST = F4(TUNING.planes.robust_misfit), F4(TUNING.planes.steepest)
 TRUNCATION = F4(TUNING.neighbors.misfit_cap)
 CONTINUOUS, SEPARATE = F4(TUNING.trust.continuous), F4(TUNING.trust.separate)
@@ -278,7 +278,7 @@ def test_coarse_disparities_seed_planes(factor):
 def compiled_linearize(left, right, shape, tiles):
     """Return weight, moment and misfit of the kernel, NaN outside the tiles."""
     out = unknown(3)
-    linearize(*left, *right, KERNEL, MATRIX, *shape, tiles, ROBUST, F4(1.7), F4(3.0),
+    linearize(*left, *right, PSF, MATRIX, *shape, tiles, ROBUST, F4(1.7), F4(3.0),
               *out)
     return out
 
@@ -295,7 +295,7 @@ def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
     d = framed(np.full((ROWS, COLUMNS), 8 + fraction), np.nan)
     weight, moment = unknown(2)
     level = np.zeros((2, *SHAPE), F4)
-    linearize(*left, *view(np.arange(WIDTH)), KERNEL, np.eye(2, 3, dtype=F4), d, *level, TILES,
+    linearize(*left, *view(np.arange(WIDTH)), PSF, np.eye(2, 3, dtype=F4), d, *level, TILES,
               ROBUST, F4(1), F4(0), weight, moment, unknown(1)[0])
     # Catmull-Rom: 0.004 px at a quarter
     assert abs(np.nansum(moment) / np.nansum(weight) - 8 - fraction) < 0.0005
@@ -306,7 +306,7 @@ def test_linearization_is_the_derivative_of_the_misfit(tiles, slope):
     left, right = views(9)
     shape = planes(10)
     shape[1] += slope  # px per node: .8 is blurred most, 5 is turned over
-    expected = naive.linearize(left.astype(float), right.astype(float), float(KERNEL),
+    expected = naive.linearize(left.astype(float), right.astype(float), float(PSF),
                                MATRIX.astype(float), shape.astype(float), tiles,
                                float(ROBUST), 1.7, 3.0)
     found = compiled_linearize(left, right, shape, tiles)
@@ -317,10 +317,10 @@ def test_linearization_is_the_derivative_of_the_misfit(tiles, slope):
 @pytest.mark.parametrize('slope', [-0.5, 0.3, 0.5])
 def test_a_leaning_plane_is_blurred_as_much_in_the_left_view_as_in_the_right(slope):
     # waves of 14 px of the left image, seen through kernels of 1 px^2 each
-    kernel, phase, shown = 1.0, 2 * np.pi / 14, 1 - slope
+    psf, phase, shown = 1.0, 2 * np.pi / 14, 1 - slope
 
     def view(places, frequency):
-        strength = np.exp(-kernel * frequency ** 2 / 2)
+        strength = np.exp(-psf * frequency ** 2 / 2)
         colors = np.stack([strength * np.cos(phase * places), strength * np.sin(phase * places),
                            1e-4 + 0 * places])
         return np.repeat(colors[:, None], SHAPE[0], 1).astype(F4)
@@ -331,7 +331,7 @@ def test_a_leaning_plane_is_blurred_as_much_in_the_left_view_as_in_the_right(slo
     shape = np.zeros((3, *SHAPE), F4)
     shape[0], shape[1] = columns * slope - 4, 2 * slope
     misfit = []
-    for variance in (0, kernel):
+    for variance in (0, psf):
         out = unknown(3)
         linearize(*left, *right, F4(variance), np.eye(2, 3, dtype=F4), *shape, TILES,
                   ROBUST, F4(1), F4(0), *out)
@@ -351,7 +351,7 @@ def test_one_step_from_the_linearization_recovers_a_disparity():
     shape = np.zeros((3, *SHAPE), F4)
     shape[0] = 7.0
     weight, moment, _ = unknown(3)
-    linearize(*left, *right, KERNEL, np.eye(2, 3, dtype=F4), *shape, TILES, ROBUST,
+    linearize(*left, *right, PSF, np.eye(2, 3, dtype=F4), *shape, TILES, ROBUST,
               F4(1), F4(3), weight, moment, unknown(1)[0])
     inside = weight > 0
     np.testing.assert_allclose(3 + moment[inside] / weight[inside], 7.3, atol=0.02)
@@ -427,9 +427,9 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
     out = unknown(4)
     out[3] = np.random.default_rng(23).uniform(5, 30, SHAPE)
     own_cost = out[3].copy() if judged else None
-    propagate(*left, *right, KERNEL, MATRIX, F4(1.3), TRUNCATION, F4(0.5), *shape,
+    propagate(*left, *right, PSF, MATRIX, F4(1.3), TRUNCATION, F4(0.5), *shape,
               tiles, step, judged, *out)
-    expected = naive.propagate(left.astype(float), right.astype(float), float(KERNEL),
+    expected = naive.propagate(left.astype(float), right.astype(float), float(PSF),
                                MATRIX.astype(float), 1.3, float(TRUNCATION), 0.5, shape,
                                tiles, step, own_cost)
     inside = np.isfinite(expected[3])
@@ -448,7 +448,7 @@ def test_the_frame_is_as_wide_as_windows_and_steps_reach():
 def test_tiles_far_from_any_plane_stay_unknown():
     left, right = views(22)
     out = np.zeros((4, *SHAPE), F4)
-    propagate(*left, *right, KERNEL, MATRIX, F4(1), TRUNCATION, F4(0.5),
+    propagate(*left, *right, PSF, MATRIX, F4(1), TRUNCATION, F4(0.5),
               *unknown(3), TILES, 2, False, *out)
     assert np.isnan(out[0][INNER]).all()
     assert (out[3][INNER] == TRUNCATION).all()
@@ -496,9 +496,9 @@ def judged(seed):
     variance = rng.choice([1e-3, 0.1, 4, np.inf], SHAPE).astype(F4)
     left_s, right_s, balance = brightness(rng)
     evidence, trust = np.empty((5, ROWS, COLUMNS), F4), np.zeros(SHAPE, F4)
-    judge(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
+    weigh_evidence(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
           FORM, evidence, trust)
-    expected = naive.judge(shape.astype(float), cost, misfit, variance.astype(float),
+    expected = naive.weigh_evidence(shape.astype(float), cost, misfit, variance.astype(float),
                            left_s.astype(float), right_s.astype(float), balance, ROWS, COLUMNS,
                            FORM.astype(float))
     return (evidence, trust[INNER]), expected

@@ -49,8 +49,75 @@ def command_table():
     return '\n'.join(lines) + '\n'
 
 
+def tuning_table():
+    """Return every constant of the surface method, with its values under other patterns."""
+    from ..core.surface.tuning import COUNTED, PERIODIC, slow, TUNING
+    return constant_table(TUNING, {'periodic': PERIODIC, 'counted': COUNTED, 'slow': slow(4)})
+
+
+def paper_tuning_table():
+    """Return every constant of the paper's method."""
+    from ..core.paper.tuning import TUNING
+    return constant_table(TUNING)
+
+
+def account_tuning_table():
+    """Return every constant of the doubts about a pair."""
+    from ..core.account import TUNING
+    return constant_table(TUNING)
+
+
+def constant_table(constants, variants=None):
+    """
+    Return a table of constants.
+
+    Parameters
+    ----------
+    constants : Constants
+    variants : dict or None
+        Names of conditions to the changes under them, flat names to `Change`.
+
+    """
+    from ..core.constants import listed
+    lines = ['| constant | value |', '|---|---|']
+    if variants:
+        lines = ['| constant | value | other patterns |', '|---|---|---|']
+    lines = [f'{line} {rest} |' for line, rest in zip(
+        lines, ('unit | what for | where from', '---|---|---'))]
+    for entry in listed(constants):
+        changes = {name: found[entry.name] for name, found in (variants or {}).items()
+                   if entry.name in found}
+        cells = [f'`{entry.name}`', shown(entry.value)]
+        if variants:
+            cells.append('; '.join(f'{name}: {shown(change.value)}'
+                                   for name, change in changes.items()))
+        origin = [explained(entry.provenance), *(f'{name.capitalize()}: '
+                  f'{explained(change.provenance)}' for name, change in changes.items())]
+        cells += [entry.unit, entry.reason, ' '.join(origin)]
+        lines.append(f'| {" | ".join(cell.replace("|", "/") for cell in cells)} |')
+    return '\n'.join(lines) + '\n'
+
+
+def shown(value):
+    """Return a value as the table of constants shows it."""
+    if isinstance(value, float):
+        return f'{value:.6g}'
+    if isinstance(value, tuple) and isinstance(value[0], tuple) and len(value) > 2:
+        return f'{len(value)} x {len(value[0])} numbers'
+    if isinstance(value, tuple):
+        return f'({", ".join(map(shown, value))})'
+    return str(value)
+
+
+def explained(provenance):
+    """Return where a value comes from, beginning with the kind of its provenance."""
+    command = f' by `{provenance.command}`' if provenance.command else ''
+    return f'*{provenance.kind}{command}*. {provenance.text}'
+
+
 TABLES = {'parameters': parameter_table, 'outputs': output_table, 'status': status_table,
-          'commands': command_table}
+          'commands': command_table, 'tuning': tuning_table, 'paper_tuning': paper_tuning_table,
+          'account_tuning': account_tuning_table}
 
 
 def with_tables(text):

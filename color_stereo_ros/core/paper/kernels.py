@@ -359,8 +359,9 @@ def _within_one_pixel(deviation):
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def judge(winner, costs, reason, right, first, count, low, high, tolerance, uniqueness, subpixel,
-          independent, smallest, largest, disparity, deviation, confidence, status):
+def accept_winners(winner, costs, reason, right, first, count, low, high, tolerance, uniqueness,
+                   subpixel, independent, smallest, largest, disparity, deviation, confidence,
+                   status):
     """
     Turn winners into disparities, or into the reason why there is none.
 

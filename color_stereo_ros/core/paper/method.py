@@ -102,7 +102,7 @@ class PaperMatcher:
                       disparity_std=np.empty(reason.shape, np.float32),
                       confidence=np.empty(reason.shape, np.float32),
                       status=np.empty(reason.shape, np.uint8))
-        kernels.judge(
+        kernels.accept_winners(
             buffers.winner, buffers.costs, reason, right, self._first, self._count, low, high,
             settings.left_right_tolerance, settings.uniqueness_ratio,
             SUBPIXEL_CODES[settings.subpixel], self._independent, *self._limits,

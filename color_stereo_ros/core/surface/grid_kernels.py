@@ -9,9 +9,9 @@ gives the disparity (full pixels) i nodes to the right and j nodes below a node.
 therefore never fastmath=True.
 
 All half-grid arrays of the left image (and the rows of the right one) carry a frame of PAD
-unknown nodes and are rounded up to whole tiles of TILE_ROWS x TILE_COLUMNS nodes, so that no
-kernel needs to ask where the image ends. A tile is *smooth* where one surface fills it and its
-surroundings; there windows need no gate, and sums over them are separable.
+unknown nodes. They are rounded up to whole tiles of TILE_ROWS x TILE_COLUMNS nodes, so that no
+loop needs to ask where the image ends. A tile is *smooth* where one surface fills it and its
+surroundings. There windows need no gate, and sums over them are separable.
 
 Kernels get bare arrays and write into them; meaning lives in `surface`, `half_grid` and
 `coarse_search`.
@@ -49,20 +49,20 @@ def any_above(values, bound):
 
 
 @part(fastmath=FAST)
-def foreshortening(a, b, kernel):
+def foreshortening(a, b, psf):
     """
     Return by what gain of second differences the left view of a plane gets the blur of the right.
 
-    Both cameras see through kernels of variance `kernel`, px^2, but foreshorten a plane
+    Both cameras see through a point spread of variance psf, px^2, but foreshorten a plane
     differently: 1 px of the left image shows what 1 - a' px of the right one show, a' = a / 2 and
     b' = b / 2 being the slopes in px per px. Carried along the plane to the left image, the
-    variance of the right kernel along rows is (1 + b'^2) / (1 - a')^2 times as large. A gain g
-    adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens.
+    variance of the right point spread along rows is (1 + b'^2) / (1 - a')^2 times as large. A gain
+    g adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens.
 
     """
     face = max(F4(1) - F4(0.5) * a, STEEPEST_FACE)
     excess = (F4(1) + F4(0.25) * b * b) / (face * face) - F4(1)
-    return min(F4(0.125) * kernel * excess, MOST_WIDENING)
+    return min(F4(0.125) * psf * excess, MOST_WIDENING)
 
 
 @part()

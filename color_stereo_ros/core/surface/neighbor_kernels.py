@@ -21,7 +21,7 @@ stack_patch = stack_array(F4, PATCH_ROWS, PATCH_COLUMNS)
 
 
 @part(fastmath=FAST)
-def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, matrix, scale, cap,
+def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix, scale, cap,
                  d, a, b, top, left, step_y, step_x, out):
     """
     Truncated misfit of one tile and its halo under the planes of nodes (step_y, step_x) away.
@@ -59,7 +59,7 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
             u = ru[i0] + slope_u * t
             v = rv[i0] + slope_v * t
             noise = max(rvar[i0], rvar[i1])
-            gain = foreshortening(aa[x], bb[x], kernel)
+            gain = foreshortening(aa[x], bb[x], psf)
             own = F4(1) - F4(2) * gain
             own_u = own * lu[x + 1] + gain * (lu[x] + lu[x + 2])
             own_v = own * lv[x + 1] + gain * (lv[x] + lv[x + 2])
@@ -101,7 +101,7 @@ def best_shifted_mean(misfit, mean, cost):
 
 
 @banded()
-def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, matrix, scale, cap,
+def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix, scale, cap,
               inertia, d, a, b, tiles, step, judged, new_d, new_a, new_b, cost):
     """
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
@@ -130,7 +130,7 @@ def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
                     for x in range(TILE_COLUMNS):
                         best[y, x] = cost[top + y, left + x]
             else:
-                patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, kernel, matrix,
+                patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix,
                              scale, cap, d, a, b, top, left, step_y, step_x, misfit)
                 best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
             take_better(trial, inertia, d, a, b, top, left, step_y, step_x, candidate == 0,

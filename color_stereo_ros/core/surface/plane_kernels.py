@@ -19,7 +19,7 @@ LEAST_SIGNAL = F4(TUNING.planes.least_signal_share)
 
 
 @banded(fastmath=FAST)
-def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, matrix, d, a, b,
+def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix, d, a, b,
               tiles, robust, scale, reference, weight, moment, misfit):
     """
     Compare every node of some tiles with the place its disparity points to, and linearize there.
@@ -75,7 +75,7 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, kernel, 
                 v = w0 * v0 + w1 * v1 + w2 * v2 + w3 * v3
                 gu = g0 * u0 + g1 * u1 + g2 * u2 + g3 * u3
                 gv = g0 * v0 + g1 * v1 + g2 * v2 + g3 * v3
-                gain = foreshortening(aa[x], bb[x], kernel)
+                gain = foreshortening(aa[x], bb[x], psf)
                 gain = gain if max(lvar[x], lvar[x + 2]) < FLAT else F4(0)
                 own = one - two * gain
                 own_u = own * lu[x + 1] + gain * (lu[x] + lu[x + 2])

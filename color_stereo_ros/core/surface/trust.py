@@ -10,7 +10,7 @@ import numpy as np
 from ..compiled.bands import BANDS
 from ..status import Status
 from .grid_kernels import F4
-from .trust_kernels import brightness_balance, find_hidden, judge, remove_islands, settle
+from .trust_kernels import brightness_balance, find_hidden, remove_islands, settle, weigh_evidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +78,9 @@ class Trust:
     def weigh(self, views, planes):
         """Write the evidence of every node, and the log-odds that follow from it."""
         usual = self.usual_balance(views, planes)
-        judge(*planes, planes.cost, planes.misfit, planes.variance, views.left.s, views.right.s,
-              usual, *self.grid.nodes, self.form, self.evidence, self.log_odds)
+        weigh_evidence(*planes, planes.cost, planes.misfit, planes.variance, views.left.s,
+                       views.right.s, usual, *self.grid.nodes, self.form, self.evidence,
+                       self.log_odds)
 
     def usual_balance(self, views, planes):
         """Return the brightness left against right around each node, float32 (rows, columns)."""

@@ -68,8 +68,8 @@ def imbalance(left, right):
 
 
 @banded(fastmath=FAST)
-def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, columns, model,
-          evidence, trust):
+def weigh_evidence(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, columns,
+                   model, evidence, log_odds):
     """
     Log-odds that a node is right within 1 px, from how well its plane fits.
 
@@ -77,7 +77,7 @@ def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, co
     of the mean misfit of the 3 x 3 nodes, of the standard deviation (px), of the mean distance
     of the four neighbors from the plane (px), and of how far the `imbalance` of left and right
     brightness is from `balance`, float32 (rows, columns), that of the surroundings; roots, since
-    logarithms are not vectorized. With x = (1, evidence), trust = x . model x, framed; model is
+    logarithms are not vectorized. With x = (1, evidence), log_odds = x . model x, framed; model is
     float32 (6, 6), upper triangular. UNKNOWN where d is unknown or nothing tells it.
 
     """
@@ -85,7 +85,7 @@ def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, co
     last_place = F4(right_s.shape[1] - 1)
     first, last = band(k, rows)
     e0, e1, e2, e3 = stack_row(), stack_row(), stack_row(), stack_row()
-    e4, log_odds = stack_row(), stack_row()
+    e4, sums = stack_row(), stack_row()
     for row in range(first, last):
         y = row + PAD
         bright = right_s[y]
@@ -122,14 +122,14 @@ def judge(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, co
                                       MOST_IMBALANCE))
                 known = (center == center) & (spread[x] < F4(np.inf))
                 odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
-                log_odds[x] = odds if known else UNKNOWN
+                sums[x] = odds if known else UNKNOWN
             for x in range(count):
                 evidence[0, row, start + x] = e0[x]
                 evidence[1, row, start + x] = e1[x]
                 evidence[2, row, start + x] = e2[x]
                 evidence[3, row, start + x] = e3[x]
                 evidence[4, row, start + x] = e4[x]
-                trust[y, left + x] = log_odds[x]
+                log_odds[y, left + x] = sums[x]
 
 
 @part(fastmath=FAST)
@@ -166,21 +166,22 @@ def root_of(parent, node):
 
 
 @serial()
-def remove_islands(d, a, b, trust, s, bright, rows, columns, step, least_size, run_of, first,
+def remove_islands(d, a, b, log_odds, s, bright, rows, columns, step, least_size, run_of, first,
                    parent, size):
     """
-    Distrust small segments: set trust to ISLAND where fewer than least_size nodes hang together.
+    Distrust small segments: log_odds becomes ISLAND where fewer than least_size nodes connect.
 
-    Two neighbors hang together if both have positive trust and one lies within `step` px of the
+    Two neighbors hang together if both have positive log_odds and one lies within `step` px of the
     plane of the other. A node whose brightness s is below `bright` (DN) counts for as much less:
     dark nodes match by chance, and many must agree. Segments are found by runs: nodes of one row
     that hang together. run_of, first, parent and size are int32 scratch (rows * columns).
 
     """
     ends = np.empty(BANDS, I4)
-    join_nodes(d, a, b, trust, s, bright, rows, columns, step, run_of, first, parent, size, ends)
+    join_nodes(d, a, b, log_odds, s, bright, rows, columns, step, run_of, first, parent, size,
+               ends)
     for k in range(1, BANDS):
-        join_bands(d, b, trust, band(k, rows)[0], columns, step, run_of, parent)
+        join_bands(d, b, log_odds, band(k, rows)[0], columns, step, run_of, parent)
     for k in range(BANDS):
         for run in range(band(k, rows)[0] * columns, ends[k]):
             root = root_of(parent, run)
@@ -191,12 +192,12 @@ def remove_islands(d, a, b, trust, s, bright, rows, columns, step, least_size, r
             if size[root_of(parent, run)] < WHOLE * least_size:
                 node = first[run]
                 while node < rows * columns and run_of[node] == run:
-                    trust[node // columns + PAD, node % columns + PAD] = ISLAND
+                    log_odds[node // columns + PAD, node % columns + PAD] = ISLAND
                     node += 1
 
 
 @banded(fastmath=FAST)
-def join_nodes(k, d, a, b, trust, s, bright, rows, columns, step, run_of, first, parent, size,
+def join_nodes(k, d, a, b, log_odds, s, bright, rows, columns, step, run_of, first, parent, size,
                ends):
     """
     Join the nodes of each band to runs and the runs to segments; see `remove_islands`.
@@ -220,14 +221,14 @@ def join_nodes(k, d, a, b, trust, s, bright, rows, columns, step, run_of, first,
             here, before, above = d[y, left:right], d[y, left - 1:right - 1], d[y - 1, left:right]
             lean, lean_before = a[y, left:right], a[y, left - 1:right - 1]
             fall, fall_above = b[y, left:right], b[y - 1, left:right]
-            own, trust_before = trust[y, left:right], trust[y, left - 1:right - 1]
-            trust_above, light = trust[y - 1, left:right], s[y, left:right]
+            own, odds_before = log_odds[y, left:right], log_odds[y, left - 1:right - 1]
+            odds_above, light = log_odds[y - 1, left:right], s[y, left:right]
             for x in range(count):
                 trusted = own[x] > 0
                 step_x, step_y = here[x] - before[x], here[x] - above[x]
-                with_left = trusted & (trust_before[x] > 0) & (
+                with_left = trusted & (odds_before[x] > 0) & (
                     (abs(step_x - lean_before[x]) < step) | (abs(step_x - lean[x]) < step))
-                with_upper = trusted & (trust_above[x] > 0) & (
+                with_upper = trusted & (odds_above[x] > 0) & (
                     (abs(step_y - fall_above[x]) < step) | (abs(step_y - fall[x]) < step))
                 weight = F4(I4(max(min(parts * light[x], whole), one)))
                 links[x] = ((F4(1) + F4(8) * weight if trusted else F4(0))
@@ -257,7 +258,7 @@ def join_nodes(k, d, a, b, trust, s, bright, rows, columns, step, run_of, first,
 
 
 @part()
-def join_bands(d, b, trust, row, columns, step, run_of, parent):
+def join_bands(d, b, log_odds, row, columns, step, run_of, parent):
     """Join the runs of a row to those of the row above, which belongs to another band."""
     y = row + PAD
     if row == 0 or row * columns >= run_of.size:
@@ -265,7 +266,7 @@ def join_bands(d, b, trust, row, columns, step, run_of, parent):
     for x in range(columns):
         here, above = x + PAD, row * columns + x - columns
         change = d[y, here] - d[y - 1, here]
-        if trust[y, here] > 0 and trust[y - 1, here] > 0 and (
+        if log_odds[y, here] > 0 and log_odds[y - 1, here] > 0 and (
                 abs(change - b[y - 1, here]) < step or abs(change - b[y, here]) < step):
             parent[root_of(parent, run_of[above + columns])] = root_of(parent, run_of[above])
 
@@ -278,22 +279,22 @@ def whole_below(value):
 
 
 @banded()
-def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, owners, trusts):
+def find_hidden(k, d, a, log_odds, rows, columns, width, tolerance, hidden, owners, odds_row):
     """
     Mark nodes whose place in the right image belongs to a more trusted surface.
 
     Every node covers the right columns that its footprint reaches; per column the most trusted
     node is kept. A node is hidden where that node's surface, continued along its own plane,
-    does not pass through it. owners, int32, and trusts, float32, are scratch (BANDS, width).
+    does not pass through it. owners, int32, and odds_row, float32, are scratch (BANDS, width).
 
     """
     first, last = band(k, rows)
-    owner, most = owners[k], trusts[k]
+    owner, most = owners[k], odds_row[k]
     flags, lows, highs = stack_row(), stack_row(), stack_row()
     for row in range(first, last):
         y = row + PAD
         dd, aa = d[y, PAD:PAD + columns], a[y, PAD:PAD + columns]
-        own = trust[y, PAD:PAD + columns]
+        own = log_odds[y, PAD:PAD + columns]
         marks = hidden[y, PAD:PAD + columns]
         owner[:] = -1
         most[:] = ISLAND
@@ -333,7 +334,7 @@ def find_hidden(k, d, a, trust, rows, columns, width, tolerance, hidden, owners,
 
 
 @banded(fastmath=FAST)
-def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
+def settle(k, d, variance, evidence, cost, log_odds, hidden, peak, s, rows, columns, limits,
            saturation, dark, hidden_odds, vague, std, odds, reason):
     """
     Turn evidence into log-odds, standard deviation and the reason why there may be no range.
@@ -355,7 +356,7 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
             count = min(LENGTH, columns - start)
             left, right = start + PAD, start + PAD + count
             dd, noise, fit = d[y, left:right], variance[y, left:right], cost[y, left:right]
-            trusts, behind = trust[y, left:right], hidden[y, left:right]
+            odds_row, behind = log_odds[y, left:right], hidden[y, left:right]
             peaks, light = peak[y, left:right], s[y, left:right]
             aparts = evidence[3, row, start:start + count]
             for x in range(count):
@@ -376,11 +377,11 @@ def settle(k, d, variance, evidence, cost, trust, hidden, peak, s, rows, columns
                 code = DARK if (light[x] < dark) & (not bright) else code
                 code = SATURATED if bright else code
                 code = OUTSIDE_IMAGE if outside else code
-                hopeless = (outside | vaguer | (not inside_limits) | (trusts[x] < -MOST_ODDS)
+                hopeless = (outside | vaguer | (not inside_limits) | (odds_row[x] < -MOST_ODDS)
                             | ((light[x] < PITCH_DARK) & (not bright)))
                 spreads[x] = spread
                 sums[x] = HOPELESS if hopeless else (
-                    trusts[x] + (hidden_odds if is_hidden else F4(0)))
+                    odds_row[x] + (hidden_odds if is_hidden else F4(0)))
                 codes[x] = F4(code)
             for x in range(count):
                 std[y, left + x] = spreads[x]

@@ -166,7 +166,7 @@ class CoarseTuning(Constants):
         320.0, 'px', 'Width of an image per factor of two between coarse grid and half grid.',
         chosen('4 px per node at 640 columns, 8 px from 1280 columns on (3f22c9b).'))
     color_scale: float = constant(
-        64.0, '1', 'int16 steps per unit of chromaticity.',
+        64.0, '1', 'Steps of int16 per unit of chromaticity.',
         chosen('Four path costs of eight capped costs and a penalty fit into int16. ' + FIRST))
     full_trust: float = constant(
         12.0, 'DN', 'Sum of the channels from which a color is fully trusted.',

@@ -174,7 +174,7 @@ def widen_row(u0, u1, u2, v0, v1, v2, gain_x, gain_y, out_u, out_v):
     Add second differences along and across a row to its chromaticities, each times its gain.
 
     u0, u1, u2 are the row above, the row and the row below; the outermost nodes are copied. A
-    gain g widens the kernel through which a node sees by 2 g in variance, nodes^2; a negative one
+    gain g widens the point spread of a node by 2 g in variance, nodes^2; a negative one
     narrows it.
 
     """

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: `python -m color_stereo_ros.evaluation.fits MODEL --output FILE`."""
+
+import argparse
+import sys
+
+from .arguments import add_arguments, MODELS
+
+
+def main(argv=None):
+    """Run the fit that the arguments name; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog='python -m color_stereo_ros.evaluation.fits', allow_abbrev=False,
+        description='Fit a model of the surface method to simulated scenes with truth.')
+    commands = parser.add_subparsers(dest='model', required=True)
+    for name, summary in MODELS.items():
+        add_arguments(commands.add_parser(name, help=summary, description=summary,
+                                          allow_abbrev=False))
+    args = parser.parse_args(argv)
+    from .run import run  # compiles for a while, which --help should not
+    return run(args.model, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arguments of the fits; needs neither the method nor the simulator."""
+
+MODELS = {
+    'trust': 'log-odds that a node is right within 1 px: form and hidden_odds',
+    'slow': 'offset of the log-odds under one sine and one sweep: odds_offset',
+    'spread': 'standard deviation of a node: correlated and bent',
+    'period': 'log-odds of the right period under 16 sines: shares and odds',
+}
+
+
+def add_arguments(parser):
+    """Declare the arguments that all fits have."""
+    parser.add_argument('scenes', nargs='*', metavar='SCENE',
+                        help='names of simulated scenes (default: those of the fit)')
+    parser.add_argument('--cache', metavar='FOLDER', default='render_output/cache',
+                        help='keeps what does not depend on the pattern (default %(default)s)')
+    parser.add_argument('--output', metavar='FILE',
+                        help='write the model to a YAML file as core/surface/models has them')
+    parser.add_argument('--seed', type=int, default=1,
+                        help='seed of the camera noise (default %(default)s)')
+    parser.add_argument('--quick', action='store_true',
+                        help='three scenes, one sample per pixel, no bounced light, one round: '
+                        'shows that it works, and no more')

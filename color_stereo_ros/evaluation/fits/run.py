@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run one fit: render, fit, print it beside what ships, write the file."""
+
+from dataclasses import dataclass
+
+from . import pairs, period, slow, spread, trust
+from .records import comparison, record, write_model
+
+FITS = {'trust': trust, 'slow': slow, 'spread': spread, 'period': period}
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a fit is run."""
+
+    cache: str = None
+    """Folder that keeps what does not depend on the pattern."""
+    seed: int = 1
+    """Of the camera noise."""
+    quick: bool = False
+    """Few scenes and bad pictures: shows that the machinery works, no more."""
+    progress: object = list
+    """Wraps a sequence for a progress bar."""
+
+
+def run(name, args):
+    """
+    Run one fit.
+
+    Parameters
+    ----------
+    name : str
+        One of FITS.
+    args : argparse.Namespace
+        As `arguments.add_arguments` declares them.
+
+    """
+    module = FITS[name]
+    scenes = args.scenes or scenes_of(module, args.quick)
+    options = Options(args.cache, args.seed, args.quick, progress_bar)
+    fitted, report = module.fit(module.pairs_of(scenes, options), options)
+    model = record(name, fitted, command_of(name, args), scenes)
+    for line in [*comparison(model), *report]:
+        print(line)
+    if args.output:
+        write_model(args.output, model)
+        print(args.output)
+
+
+def scenes_of(module, quick):
+    """Return the scenes of a fit."""
+    return pairs.QUICK_SCENES if quick else getattr(module, 'SCENES', pairs.SCENES)
+
+
+def command_of(name, args):
+    """Return the command line that repeats a fit."""
+    words = ['python -m color_stereo_ros.evaluation.fits', name, *args.scenes]
+    if args.quick:
+        words.append('--quick')
+    return ' '.join([*words, f'--seed {args.seed}'])
+
+
+def progress_bar(items):
+    """Return an iterable with a progress bar on standard error."""
+    from tqdm import tqdm
+    return tqdm(items, leave=False)

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fit what log-odds lose under patterns whose colors change slowly (models/slow.yaml)."""
+
+import numpy as np
+
+from ...core import PatternSettings
+from ...core.constants import replaced
+from .nodes import gathered, pattern_tuning
+from .pairs import simulated
+from .regression import equal_shares, logistic_fit
+
+PATTERNS = 'sine', 'sweep'
+HOLD = 1e-9     # keeps the equations solvable
+TAME = 14.0     # log-odds beyond which a node counts as certain
+
+
+def pairs_of(scenes, options):
+    """Return the pairs of this fit: every scene under one sine and under one sweep."""
+    return [simulated(name, PatternSettings(type=kind), options.cache, options.seed,
+                      options.quick)
+            for name in options.progress(scenes) for kind in PATTERNS]
+
+
+def fit(pairs, options):
+    """Fit to pairs, see `trust.fit`; returns `odds_offset`."""
+    nodes = [gathered(pair, replaced(pattern_tuning(pair), {'trust.odds_offset': 0.0}))
+             for pair in options.progress(pairs)]
+    offset = fitted_offset(nodes)
+    confidence, share = calibration(nodes, offset)
+    return ({'odds_offset': round(offset, 3)},
+            [f'with this offset: mean confidence {confidence:.3f}, share right {share:.3f}'])
+
+
+def fitted_offset(pairs):
+    """Return what is to be added to the log-odds of all nodes; each pair counts alike."""
+    odds = np.concatenate([nodes.log_odds for nodes in pairs])
+    right = np.concatenate([nodes.right for nodes in pairs])
+    share = equal_shares([len(nodes.right) for nodes in pairs])
+    doubtful = np.abs(odds) < TAME
+    return float(logistic_fit(np.ones((np.count_nonzero(doubtful), 1)), right[doubtful],
+                              share[doubtful], HOLD, odds[doubtful])[0])
+
+
+def calibration(pairs, offset):
+    """Return mean confidence and share right of the doubtful nodes."""
+    odds = np.concatenate([nodes.log_odds for nodes in pairs])
+    right = np.concatenate([nodes.right for nodes in pairs])
+    share = equal_shares([len(nodes.right) for nodes in pairs])
+    doubtful = np.abs(odds) < TAME
+    weights = share[doubtful] / share[doubtful].sum()
+    return (float(weights @ (1 / (1 + np.exp(-odds[doubtful] - offset)))),
+            float(weights @ right[doubtful]))

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fit the standard deviation of a node to its error (models/spread.yaml)."""
+
+import numpy as np
+
+from .nodes import gathered, pattern_tuning
+from .pairs import simulated
+from .regression import equal_shares
+
+DISTANCE = 3     # which evidence: root of the mean distance of the neighbors from the plane
+STEPS = 50       # of the scoring method: it converges in about ten
+LEAST = 1e-8     # px^2, of a variance
+NORMAL = 1.4826  # standard deviation over median magnitude, of normal noise
+OUTLIER = 3.0    # standard deviations
+INSIDE = 0.9733  # variance of normal noise that is cut there
+
+
+def pairs_of(scenes, options):
+    """Return the pairs of this fit: every scene under the default pattern."""
+    return [simulated(name, cache=options.cache, seed=options.seed, quick=options.quick)
+            for name in options.progress(scenes)]
+
+
+def fit(pairs, options):
+    """Fit to pairs, see `trust.fit`; returns `correlated` and `bent`."""
+    samples = [samples_of(gathered(pair, pattern_tuning(pair)))
+               for pair in options.progress(pairs)]
+    correlated, bent = fitted_spread(samples)
+    scores = [robust_std(np.abs(error) / np.sqrt(correlated * variance + (bent * apart) ** 2))
+              for error, variance, apart in samples if len(error)]
+    return ({'correlated': round(correlated, 3), 'bent': round(bent, 3)},
+            [f'robust standard deviation of error / std: {np.mean(scores):.2f} (1 is honest)'])
+
+
+def samples_of(nodes):
+    """Return error, variance (px^2) and distance of the neighbors (px) of right ranges."""
+    used = nodes.right & (nodes.log_odds >= nodes.least_odds) & np.isfinite(nodes.variance)
+    return (nodes.error[used], np.maximum(nodes.variance[used], LEAST),
+            nodes.evidence[used, DISTANCE] ** 2)
+
+
+def fitted_spread(samples):
+    """
+    Return correlated and bent by maximum likelihood of normal errors; each pair counts alike.
+
+    The variance correlated v + bent^2 x^2 is linear in (correlated, bent^2). Every step of the
+    scoring method is therefore a weighted least-squares fit of the squared errors. Errors beyond
+    OUTLIER standard deviations do not count: they are no noise but wrong planes.
+
+    Parameters
+    ----------
+    samples : list of (error, variance, distance)
+
+    """
+    error, variance, apart = (np.concatenate(part) for part in zip(*samples))
+    share = equal_shares([len(each[0]) for each in samples])
+    terms = np.stack([variance, apart ** 2], axis=1)
+    found = np.ones(2)
+    for _ in range(STEPS):
+        model = np.maximum(terms @ found, LEAST)
+        score = np.abs(error) / np.sqrt(model)
+        noise = score <= OUTLIER * robust_std(score)
+        weighted = terms * (share * noise / model ** 2)[:, None]
+        found = np.linalg.solve(terms.T @ weighted, weighted.T @ error ** 2) / INSIDE
+        found = np.maximum(found, LEAST)
+    return float(found[0]), float(np.sqrt(found[1]))
+
+
+def robust_std(scores):
+    """Return the standard deviation of normal noise that has this median magnitude."""
+    return max(NORMAL * float(np.median(scores)), LEAST)
