@@ -156,7 +156,7 @@ def test_kernels_of_an_installation_that_cannot_be_written_are_kept_for_the_user
     shutil.copytree(Path(color_stereo_ros.__file__).parent, place,
                     ignore=shutil.ignore_patterns('__pycache__'))
     # A file in place of the folder keeps root out, too, whom permissions do not stop.
-    (place / 'core' / '__pycache__').write_text('')
+    (place / 'core' / 'surface' / '__pycache__').write_text('')
     home = tmp_path / 'home'
     home.mkdir()
     environment = {name: value for name, value in os.environ.items()

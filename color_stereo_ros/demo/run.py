@@ -193,9 +193,11 @@ def result_from(messages, calibration, settings):
     depth = float_image(messages['depth/image'])
     color = _cloud(messages['points'])[..., 3:].copy().view(np.uint8)
     return RangeResult(
-        disparity_from_depth(depth, geometry), depth, float_image(messages['confidence/image']),
-        float_image(messages['status/image']), np.full(depth.shape, np.nan, np.float32),
-        color[..., 2::-1], geometry, disparity_limits(geometry, settings.range))
+        disparity=disparity_from_depth(depth, geometry), depth=depth,
+        confidence=float_image(messages['confidence/image']),
+        status=float_image(messages['status/image']),
+        disparity_std=np.full(depth.shape, np.nan, np.float32), image_source=color[..., 2::-1],
+        geometry=geometry, disparity_limits=disparity_limits(geometry, settings.range))
 
 
 def write_files(folder, measurement):
