@@ -2,10 +2,10 @@
 """
 A process that takes times when asked: `python -m color_stereo_ros.bench.child JSON`.
 
-Threads and processor features are chosen when a process starts; so each choice is a process, and
-the one who asks goes around. A line with the index of a contender comes in, a line of JSON with
-`seconds` and `stages` goes out. The first line that goes out, `first`, says how long it took from
-`started` (s of time.monotonic) to the first result of the first contender.
+Threads and processor features are chosen when a process starts. So each choice is a process of
+its own, and the parent asks the processes in turn. A line with the index of a contender comes in,
+a line of JSON with `seconds` and `stages` goes out. The first line that goes out, `first`, says
+how long it took from `started` (s of time.monotonic) to the first result of the first contender.
 
 """
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-range_node in a process of its own, fed through real DDS: `... .tools.bench_node JSON`.
+range_node in a process of its own, fed through real DDS: `python -m color_stereo_ros.bench.node`.
 
-The sender, the node and who listens to `points` are three processes. The environment decides over
-kernel cache and DDS profile, therefore each measurement is a new sender too. Prints one line of
-JSON.
+The sender, the node and the subscriber of `points` are three processes. Kernel cache and DDS
+profile depend on the environment, so each measurement starts a new sender, too. The argument is
+JSON; prints one line of JSON.
 
 """
 

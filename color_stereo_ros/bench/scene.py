@@ -3,8 +3,8 @@
 The pair of images that is measured for its time: a lit table with objects, of any size.
 
 The projector stands midway between the cameras, so that a point of disparity d at its column x
-appears at x + d / 2 on the left and x - d / 2 on the right; what it cannot light is a shadow. The
-scene is the same for every size and every search interval: only then can times be compared.
+appears at x + d / 2 on the left and x - d / 2 on the right. Places that it does not light are in
+shadow. The scene is the same for every size and search interval, so that times can be compared.
 
 """
 

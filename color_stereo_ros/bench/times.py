@@ -68,7 +68,7 @@ def all_contenders():
 
 class Child:
     """
-    A process that takes times (see `bench_child`).
+    A process that takes times (see `child`).
 
     Parameters
     ----------

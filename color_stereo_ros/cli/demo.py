@@ -23,7 +23,7 @@ def run(args):
     from pathlib import Path
     from random import SystemRandom
 
-    # Chosen before ROS is imported. Nobody else's nodes are to hear these, nor these theirs.
+    # Chosen before ROS is imported. The nodes of the demo and other nodes must not connect.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ.setdefault('ROS_DOMAIN_ID', str(SystemRandom().randint(1, 100)))
     from ..demo.run import Demo

@@ -59,7 +59,7 @@ def main(argv=None):
 
 def parsed(argv):
     """
-    Return the arguments of a command line; `run` among them is what runs it.
+    Return the arguments of a command line; their attribute `run` is the function to call.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def _explained(error):
 
 
 def _missing_extra(error):
-    """Return what to install for a module that is not there; raise what is none of our extras."""
+    """Return which extra installs a missing module; raise for modules of no extra."""
     missing = (error.name or '').partition('.')[0]
     for extra, modules in EXTRAS.items():
         if missing in modules:

@@ -71,7 +71,7 @@ def main_reason(shares):
 
 def doubts_about_images(left, right):
     """
-    Tell what is wrong with a pair before it is measured.
+    Return what looks wrong with a pair before it is measured.
 
     Parameters
     ----------
@@ -84,8 +84,8 @@ def doubts_about_images(left, right):
         Sentences for people; empty if the pair looks as it should.
 
     """
-    doubts = [f'the {name} image is gray: a mono camera, or raw Bayer data that nobody has '
-              'turned into color'
+    doubts = [f'the {name} image is gray: a mono camera, or raw Bayer data without '
+              'demosaicing'
               for name, image in (('left', left), ('right', right)) if _is_gray(image)]
     if np.array_equal(left, right):
         doubts.insert(0, 'left and right image are identical: one camera, or one file twice')
@@ -101,7 +101,7 @@ def _is_gray(image):
 
 def doubts_about_result(stereo, left, right, result):
     """
-    Tell what is wrong with a pair after it has been measured.
+    Return what looks wrong with a pair after it has been measured.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ OVERVIEW_HEIGHT = 320
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What came out of `range_node` for one sample, and what should have come out."""
+    """The outputs of `range_node` for one sample, and the truth."""
 
     name: str
     method: str

@@ -32,7 +32,7 @@ OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': Poin
 
 LOG = 'log'
 MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
-NOTE_EVERY = 3.0  # s: whoever waits is told why, and that something goes on
+NOTE_EVERY = 3.0  # s between two messages about what the demo waits for
 READY = 'ready after'  # range_node says so when its kernels are compiled
 
 COMMANDS = """\

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The instrument with which everything else is judged: errors, densities and their limits."""
+"""Evaluation against the truth: errors, densities and the noise limit."""

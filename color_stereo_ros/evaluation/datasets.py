@@ -193,7 +193,7 @@ def with_depth_limits(settings, calibration, truth):
 
 def depth_limits_of_rig(calibration):
     """
-    Return the depths that a rig was evidently built for.
+    Return the depths that a rig was probably built for.
 
     Parameters
     ----------

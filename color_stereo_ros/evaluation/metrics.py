@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a range image is worth, measured against the truth.
+The quality of a range image, measured against the truth.
 
 Every function takes a `RangeResult` and a `Truth` of the same pixels (the rectified left camera)
 and returns plain numbers, so that the report, the JSON file and the tests share one definition.
-A share is a number 0..1; a number that cannot be had (no pixel to measure) is None.
+A share is a number 0..1. A number is None if there is no pixel to measure.
 
 """
 
@@ -25,7 +25,7 @@ LOCKING_ORDER = 3
 LOCKING_BINS = 20
 
 LOCKING_SHARE = 0.005
-"""Fewest pixels of a bin, share of all pixels: neighbors err alike, few tell nothing."""
+"""Smallest share of all pixels in a bin: errors of neighbors are correlated."""
 
 LEFT_OUT = 0.25
 """No point this close to its plane is left out, px."""
@@ -364,8 +364,9 @@ def z_scores(result, truth):
     Returns
     -------
     figures : dict or None
-        `robust_std` (1 is honest, more is boastful), `mean` of the central 98 %, `within_2`
-        (share, 0.954 is honest); None if the result has no standard deviations.
+        `robust_std` (1 is honest, above 1 the standard deviations are too small), `mean` of the
+        central 98 %, `within_2` (share, 0.954 is honest); None if the result has no standard
+        deviations.
 
     """
     errors = disparity_errors(result, truth)

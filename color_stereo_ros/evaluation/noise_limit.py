@@ -230,7 +230,7 @@ def compare(result, truth, limit):
     -------
     figures : dict or None
         `limit_px` (median), `error_over_limit` (robust standard deviation about 0 of error
-        divided by limit; 1 = nothing left to win) and `pixels`; None without a pixel.
+        divided by limit; 1 = all information is used) and `pixels`; None without a pixel.
 
     """
     true = disparity_from_depth(truth.depth.astype(np.float64), result.geometry)
@@ -248,10 +248,10 @@ def measured_noise(pair, truth):
     Measure the noise of a pair whose cameras are unknown, alike for both.
 
     The right image is warped onto the left one with the true disparities. Where the
-    chromaticities then differ there is noise, plus colored shading that varies slowly; second
-    differences of the means of blocks take the latter out. The means see the noise as a
-    matching window does, its correlations by demosaicing and rectification included; what the
-    two cameras blur differently passes for noise too, so the limit is rather too large.
+    chromaticities then differ there is noise, plus colored shading that varies slowly. Second
+    differences of the means of blocks remove the shading. The means contain the noise as a
+    matching window does, with its correlations by demosaicing and rectification. Different blur
+    of the two cameras counts as noise, so the limit is too large rather than too small.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ def figure_of(figures, key):
     Returns
     -------
     figure : float or None
-        None where there is none.
+        None if the record has no such figure.
 
     """
     if key == 'mean_mm':
@@ -31,5 +31,5 @@ def figure_of(figures, key):
 
 
 def write_json(path, records, facts):
-    """Write all records and facts as one JSON file; what cannot be had is null."""
+    """Write all records and facts as one JSON file; missing figures are null."""
     write_text(path, json.dumps({'facts': facts, 'records': records}, indent=1, default=float))

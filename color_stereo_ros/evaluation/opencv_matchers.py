@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-OpenCV's stereo matchers on the same rectified pair, used as well as they can be used.
+OpenCV's stereo matchers on the same rectified pair, under conditions that suit them.
 
 Both matchers leave a strip as wide as the number of disparities without an answer at the left
 border of an image; here the pair is laid on a wider canvas, so nothing of it is lost. The right

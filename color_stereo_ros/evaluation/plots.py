@@ -68,7 +68,7 @@ def _embedded(data, kind='png'):
 
 
 def styled(function):
-    """Decorate a plot: matplotlib's style of the report, and no other for the caller."""
+    """Decorate a plot: it uses the style of the report, the caller keeps its own."""
     def plot(*arguments, **options):
         with matplotlib.rc_context(STYLE):
             return function(*arguments, **options)

@@ -109,7 +109,7 @@ def _oddities(left, right):
     """Return sentences about what is legal but probably a mistake."""
     frame = left.header.frame_id
     if not frame:
-        return ['left camera_info has an empty frame_id: nobody can place the points']
+        return ['left camera_info has an empty frame_id: the points have no frame']
     if 'optical' not in frame:
         return [f'left frame_id {frame!r} does not say "optical" (REP 103): if it is a body '
                 'frame, the points appear turned by 90 degrees']

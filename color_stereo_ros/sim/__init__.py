@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated rig: a projector and two cameras before a scene, with exact truth."""
+"""The simulated rig: a projector and two cameras in front of a scene, with exact truth."""
 
 from .errors import SceneError, SimulatorMissingError
 from .renderer import render, Renderer, Rendering

@@ -24,7 +24,7 @@ class Reader:
         raise SceneError(f'{self.path} = {self.value!r}, expected {expected}')
 
     def only(self, *known):
-        """Refuse fields that nobody reads; the nearest known name is suggested."""
+        """Refuse unknown fields; the nearest known name is suggested."""
         if not isinstance(self.value, dict):
             self.fail(f'a mapping with some of {", ".join(known)}')
         for name in self.value:

@@ -38,7 +38,7 @@ class Pose:
 
     def to_child(self, points):
         """Return points (..., 3) of the parent frame in the child frame."""
-        # einsum: millions of 3-vectors are no work for the threads of a BLAS
+        # einsum: for 3-vectors the threads of a BLAS cost more than they save
         return np.einsum('...i,ij->...j', np.asarray(points, np.float64) - self.position,
                          self.rotation)
 

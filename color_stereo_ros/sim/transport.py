@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Light transport: what of each projector pixel's light reaches each camera pixel.
+Light transport: how much light of each projector pixel reaches each camera pixel.
 
-Direct light is sampled once per scene: every sample of a camera pixel remembers where it lies in
-the projected image and how bright a white pattern would make it. A new pattern is then a table
+Direct light is sampled once per scene: every sample of a camera pixel stores its place in the
+projected image and its brightness under a white pattern. A new pattern is then a table
 look-up. Light that bounces is path-traced for each pattern and smoothed along the surfaces.
 
 """
@@ -114,7 +114,7 @@ class View:
         rays = camera.lens.undistort(edge, camera.K, camera.D)
         reach = np.abs(rays).max(axis=0)
         pitch = 1.0 / (max(camera.K[0, 0], camera.K[1, 1]) * samples)
-        # A shade less than a whole number of sub-pixels must not add another one.
+        # Rounding must not add a sub-pixel to a whole number of them.
         columns, rows = (2 * np.ceil(reach / pitch - 1e-6)).astype(int)
         return cls(int(columns), int(rows), pitch)
 

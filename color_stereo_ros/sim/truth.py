@@ -17,7 +17,7 @@ EDGE_REGION = 5     # px, half width of the region around an edge
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What an ideal instrument would say, in the pixels of the rectified left camera."""
+    """What an ideal instrument would measure, in the pixels of the rectified left camera."""
 
     depth: np.ndarray
     """float32 (H, W), m along Z of the rectified left camera, NaN = nothing there."""

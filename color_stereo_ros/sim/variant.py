@@ -69,7 +69,7 @@ def _llvm_works(mitsuba):
     try:
         mitsuba.set_variant('llvm_ad_rgb')
         return float((mitsuba.Float([1.0, 2.0]) + 1)[1]) == 3.0
-    except Exception:  # Dr.Jit raises what it likes
+    except Exception:  # Dr.Jit raises exceptions of many types
         return False
 
 

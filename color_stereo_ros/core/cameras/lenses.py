@@ -169,7 +169,7 @@ class Equidistant(Lens):
 
 
 def _coefficients(D):
-    """Return coefficients that OpenCV takes: it knows no empty ones."""
+    """Return coefficients for OpenCV, which takes no empty array."""
     return D.copy() if D.size else np.zeros(4)
 
 

@@ -149,7 +149,7 @@ def equal_brightness_gains(first, second):
     Returns
     -------
     gains : numpy.ndarray, float32, shape (3,)
-        The smallest is 1; all are 1 if the samples do not tell.
+        The smallest is 1; all are 1 if the samples are too few.
 
     """
     gains = np.ones(3, np.float32)

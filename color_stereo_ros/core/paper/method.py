@@ -54,7 +54,7 @@ class PaperMatcher:
         self._limits = tuple(np.float32(limits))
         self._correction = ColorCorrection(settings.color)
         first, last = np.clip(search_interval(limits), 1 - geometry.width, geometry.width - 1)
-        self._first = int(first) - 1  # one more at each end tells a minimum from a limit
+        self._first = int(first) - 1  # one more at each end distinguishes a minimum from a limit
         self._count = int(last - first) + 3
         self._independent = independent_pixels(settings)
         self._buffers = _Buffers(geometry, self._count, settings.matching)

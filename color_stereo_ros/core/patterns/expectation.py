@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the kind of pattern tells a search before it sees an image."""
+"""What a search may expect of a pattern before it sees an image."""
 
 from dataclasses import dataclass
 import math

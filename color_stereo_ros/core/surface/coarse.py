@@ -52,7 +52,7 @@ class CoarseSearch:
             self.factor //= 2
         h, w = (max(1, count // self.factor) for count in nodes)
         step = 2 * self.factor
-        # beyond the image there is nothing to find, and `winners` counts to 2047 nodes only
+        # no match lies outside the image, and `winners` counts up to 2047 nodes
         first, last = (int(np.clip(limit, 1 - w, w - 1)) for limit in search_interval(
             (limits[0] / step, limits[1] / step)))
         self.first, depth = first - 1, last - first + 3
@@ -112,7 +112,7 @@ class CoarseSearch:
         """Compare all nodes at all disparities; follow the semi-global paths through the costs."""
         upright, turned = self.upright, self.turned
         columns, lanes = upright.cost.shape[2], turned.cost.shape[2]
-        # column x - d of the right image lies margin further on
+        # column x - d of the right image is stored at x - d + margin
         width, start = columns + 2 * self.margin, self.margin - self.first
         cost_volume(upright.left, upright.flat_right, start, width, 1, *self.costs,
                     upright.cost, upright.scratch)
@@ -155,8 +155,8 @@ def half_way(colors):
     """
     Return the lowest and highest of colors, int16 (2, h, w), within half a node along the rows.
 
-    What lies between two nodes costs nothing then (Birchfield and Tomasi 1998). Else a repetition
-    that happens to lie upon a node would cost less than a true match that does not.
+    A color between two nodes then costs nothing (Birchfield and Tomasi 1998). Otherwise a wrong
+    period that lies upon a node would cost less than a true match between two nodes.
 
     """
     middle = (colors[..., 1:] + colors[..., :-1]) >> 1

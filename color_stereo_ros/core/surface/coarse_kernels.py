@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Kernels of the coarse search: bare arrays in and out, meaning lives in `coarse_search`.
+Kernels of the coarse search: bare arrays in and out; `coarse` gives them meaning.
 
-The *coarse grid* has one node per `2 * factor` pixels, the half grid (see `_grid_kernels`) one
+The *coarse grid* has one node per `2 * factor` pixels, the half grid (see `grid_kernels`) one
 per two. A *volume*, int16 (lines, D, lanes), holds a number for every node and disparity; it comes
-in two layouts, with the rows of the coarse grid as its lines and with the columns. A semi-global
+in two layouts: the rows of the coarse grid are its lines, or the columns. A semi-global
 path runs from line to line, so that all lanes, and all disparities, go through one SIMD loop.
 
 """
@@ -72,7 +72,7 @@ def cost_line(left_u, left_v, left_t, left_w, low_u, low_v, high_u, high_v, righ
     Matching costs of one line of nodes at one disparity, int16.
 
     Colors between low and high cost nothing. A dark pixel on either side moves the cost towards
-    `neutral`: it speaks for nothing.
+    `neutral`, which favors no disparity.
 
     """
     zero = I2(0)
@@ -92,8 +92,8 @@ def cost_volume(k, left, right, start, line_step, disparity_step, cap, neutral, 
     Fill a volume with costs summed over 3 x 3 coarse nodes, see `sum_window` (borders repeated).
 
     left is int16 (4, lines, lanes): u, v, texture, trust. right, int16 (6, N): lowest u and v,
-    highest u and v, texture, trust. It is flat: what lane 0 of line n meets at the d-th disparity
-    lies at start + n line_step - d disparity_step.
+    highest u and v, texture, trust. It is flat: at the d-th disparity, lane 0 of line n
+    is compared with entry start + n line_step - d disparity_step.
     scratch is int16 (BANDS, 4, D, lanes + 2): three lines of costs and a sum.
 
     """
@@ -120,8 +120,8 @@ def sum_window(below, above, here, total, out):
     """
     Sum three lines and then three neighbors, int16; total, (lanes + 2,), is scratch.
 
-    The weights are 1, 2, 1 either way, halved, eight in all: edges stay where they are, and thin
-    things are not outvoted by what lies around them.
+    The weights are 1, 2, 1 either way, halved, eight in all: edges stay in place, and the
+    surroundings do not outvote thin things.
 
     """
     lanes = out.size
@@ -156,14 +156,14 @@ def follow_paths(cost, backwards, small, large, total, scratch):
     Follow the semi-global paths through all lines of a volume (Hirschmueller 2008, eq. 13).
 
     L(d) = C(d) + min(L'(d), L'(d -+ 1) + small, min L' + large) - min L', where ' is the line
-    before. What is kept of a line is L' - min L': then no term differs from lane to lane. Forwards
-    total is written, backwards added to.
+    before. Only L' - min L' of a line is kept, so that no term differs from lane to lane. The
+    forward pass writes total, the backward pass adds to it.
 
     """
     lines, depth, lanes = cost.shape
     used = scratch.reshape(-1)[:(2 * depth + 3) * lanes].reshape(2 * depth + 3, lanes)
     lowest, spare, path = used[0], used[1:depth + 1], used[depth + 1:]
-    path[:] = I2(0)  # the first line is preceded by nothing
+    path[:] = I2(0)  # no line precedes the first one
     path[0] = GUARD
     path[depth + 1] = GUARD
     for step in range(lines):

@@ -10,11 +10,11 @@ therefore never fastmath=True.
 
 All half-grid arrays of the left image (and the rows of the right one) carry a frame of PAD
 unknown nodes. They are rounded up to whole tiles of TILE_ROWS x TILE_COLUMNS nodes, so that no
-loop needs to ask where the image ends. A tile is *smooth* where one surface fills it and its
+loop tests for the border of the image. A tile is *smooth* where one surface fills it and its
 surroundings. There windows need no gate, and sums over them are separable.
 
-Kernels get bare arrays and write into them; meaning lives in `surface`, `half_grid` and
-`coarse_search`.
+Kernels get bare arrays and write into them; the modules of the steps (`views`,
+`coarse`, `planes`, `neighbors`, `trust`, `pixels`) give them meaning.
 
 """
 
@@ -51,13 +51,13 @@ def any_above(values, bound):
 @part(fastmath=FAST)
 def foreshortening(a, b, psf):
     """
-    Return by what gain of second differences the left view of a plane gets the blur of the right.
+    Return the gain of second differences that gives the left view the blur of the right one.
 
-    Both cameras see through a point spread of variance psf, px^2, but foreshorten a plane
-    differently: 1 px of the left image shows what 1 - a' px of the right one show, a' = a / 2 and
-    b' = b / 2 being the slopes in px per px. Carried along the plane to the left image, the
+    Both cameras have a point spread of variance psf, px^2, but foreshorten a plane differently.
+    1 px of the left image shows the same as 1 - a' px of the right one, where a' = a / 2 and
+    b' = b / 2 are the slopes in px per px. Carried along the plane to the left image, the
     variance of the right point spread along rows is (1 + b'^2) / (1 - a')^2 times as large. A gain
-    g adds 2 g nodes^2, or 8 g px^2, to that of the left one; a negative one sharpens.
+    g adds 2 g nodes^2, or 8 g px^2, to that of the left one. A negative gain sharpens.
 
     """
     face = max(F4(1) - F4(0.5) * a, STEEPEST_FACE)

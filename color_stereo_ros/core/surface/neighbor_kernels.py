@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels of the surface method: nodes try the planes of neighbors; see `_grid_kernels`."""
+"""Kernels of the surface method: nodes try the planes of neighbors; see `grid_kernels`."""
 
 import numpy as np
 
@@ -105,7 +105,7 @@ def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
 
     A node takes the plane that fits best (see `best_shifted_mean`); its own one is favored by
-    `inertia` and costs what cost says if it is `judged`, by an earlier call. Reads d, a, b, writes
+    `inertia`. If it is `judged`, cost holds its cost from an earlier call. Reads d, a, b, writes
     new_* and cost in the tiles only. Tiles without any known plane in reach stay unknown, at a
     cost of `cap`.
 

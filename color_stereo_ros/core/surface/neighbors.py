@@ -17,7 +17,7 @@ def propagate_planes(views, planes, pair, tiles, turn, tuning):
     cap, inertia = F4(tuning.misfit_cap), F4(tuning.inertia)
     left, right = views.left, views.right
     for number, (old, new) in enumerate(planes.rewritten(tiles, len(steps), whole=False)):
-        # the planes of the first call cost what it found
+        # the first call has written the cost of its planes
         propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
                   views.psf, pair.matrix, pair.scale, cap, inertia,
                   *old, tiles, steps[number], number > 0, *new, planes.cost)

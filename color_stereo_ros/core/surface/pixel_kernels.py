@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels of the surface method: from nodes to pixels; see `_grid_kernels`."""
+"""Kernels of the surface method: from nodes to pixels; see `grid_kernels`."""
 
 import numpy as np
 
@@ -45,10 +45,10 @@ def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline,
 
     Z = focal_baseline / (d - offset). Log-odds of a pixel: OWN_SHARE of its node's, the rest
     bilinear between the nodes around, so that a pixel next to doubtful nodes is doubted more than
-    that on the other side of its node; below least_odds it has no range. Nor has one whose place
-    lies outside the right image, where its node's may lie inside. Pixels beyond the last whole
-    node take the nearest one. Where there is no range, disparity, depth and out_std are NaN and
-    confidence is 0.
+    that on the other side of its node; below least_odds it has no range. A pixel whose place lies
+    outside the right image has none either, even if that of its node lies inside. Pixels beyond
+    the last whole node take the nearest one. Where there is no range, disparity, depth and
+    out_std are NaN and confidence is 0.
 
     """
     height, width = disparity.shape

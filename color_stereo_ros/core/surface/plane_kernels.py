@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels of the surface method: planes by least squares; see `_grid_kernels`."""
+"""Kernels of the surface method: planes by least squares; see `grid_kernels`."""
 
 import numpy as np
 
@@ -25,8 +25,8 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
     With e = L - M R(x - d) and g = M R'(x - d), an error of the disparity shows as e = g (d -
     d_true). Writes weight = w g.g, moment = weight (d - reference) - w g.e and misfit = w e.e,
     where w = 1 / (scale (var_L + var_R)) and, in weight and moment, is multiplied by Cauchy's
-    1 / (1 + misfit / robust). Interpolated by cubics through four columns: what is linear
-    pulls towards whole pixels, and Catmull-Rom does so by .006 px. The left view of a node is
+    1 / (1 + misfit / robust). Interpolated by cubics through four columns: linear
+    interpolation pulls towards whole pixels, Catmull-Rom by .006 px. The left view of a node is
     blurred as its plane demands, see `foreshortening`, but not beside nodes without information.
     matrix (2, 3) maps right chromaticities to left ones. Unknown d, no information, or a place
     outside the right image: weight = moment = 0, misfit NaN.
@@ -112,7 +112,7 @@ def smooth_sums(weight, moment, top, left, radius, sums):
     `gated_sums`. From row to row the sums over rows lose one row, move, and gain one.
 
     """
-    margin = 4 * ((radius + 3) // 4)  # a whole number of vectors: no loop has a rest
+    margin = 4 * ((radius + 3) // 4)  # a whole number of vectors: no loop has a remainder
     wide, shift = TILE_COLUMNS + 2 * margin, margin - radius
     start, stop = left - margin, left + TILE_COLUMNS + margin
     reach = F4(radius)
@@ -252,7 +252,7 @@ def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, ne
 
     The slopes are held by a ridge of `ridge` times the zeroth moment towards their last value.
     variance is that of d at the center for noise of unit misfit; inf without information. Noise
-    has gradients, too: what they add to the weights, noise_weight a node, is no information.
+    has gradients, too. They add noise_weight per node to the weights, which is no information.
 
     """
     solved_d, solved_a, solved_b, spreads = stack_row(), stack_row(), stack_row(), stack_row()
@@ -330,8 +330,8 @@ def find_smooth_tiles(k, d, a, b, color_variance, tiles, halo, step, smooth):
     Mark the tiles in and around which one surface fits everywhere.
 
     No unknown node, and no node more than `step` px off the plane of the one SPAN nodes to its
-    left or above it (`halo` nodes around the tile included). Neighbors would not tell a crease,
-    which windows have rounded. Nodes whose color says nothing do not count.
+    left or above it (`halo` nodes around the tile included). Windows round off creases, so
+    adjacent planes agree there. Nodes without information do not count.
 
     """
     rows, columns = TILE_ROWS + 2 * halo, TILE_COLUMNS + 2 * halo

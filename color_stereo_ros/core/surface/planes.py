@@ -68,7 +68,7 @@ class PlaneField:
             This one.
 
         """
-        # tiles reach beyond the nodes, and what a fit left there belongs to the last pair
+        # tiles reach beyond the nodes; there the last fit has left planes of the last pair
         rows, columns = (PAD + count for count in self.grid.nodes)
         for plane, nothing in zip(self._planes, (np.nan, 0, 0)):
             plane[rows:] = nothing

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels of the surface method: how far a node can be trusted; see `_grid_kernels`."""
+"""Kernels of the surface method: how far a node can be trusted; see `grid_kernels`."""
 
 import math
 
@@ -68,7 +68,7 @@ def weigh_evidence(k, d, a, b, cost, misfit, variance, left_s, right_s, balance,
     of the four neighbors from the plane (px), and of how far the `imbalance` of left and right
     brightness is from `balance`, float32 (rows, columns), that of the surroundings; roots, since
     logarithms are not vectorized. With x = (1, evidence), log_odds = x . model x, framed; model is
-    float32 (6, 6), upper triangular. UNKNOWN where d is unknown or nothing tells it.
+    float32 (6, 6), upper triangular. UNKNOWN where d or its variance is unknown.
 
     """
     ninth, quarter = F4(1.0 / 9.0), F4(0.25)
@@ -162,9 +162,10 @@ def remove_islands(d, a, b, log_odds, s, bright, rows, columns, step, least_size
     Distrust small segments: log_odds becomes ISLAND where fewer than least_size nodes connect.
 
     Two neighbors hang together if both have positive log_odds and one lies within `step` px of the
-    plane of the other. A node whose brightness s is below `bright` (DN) counts for as much less:
-    dark nodes match by chance, and many must agree. Segments are found by runs: nodes of one row
-    that hang together. run_of, first, parent and size are int32 scratch (rows * columns).
+    plane of the other. A node whose brightness s is below `bright` (DN) counts less in
+    proportion: dark nodes match by chance, so more of them must agree. Segments are found by
+    runs: nodes of one row that hang together. run_of, first, parent and size are int32 scratch
+    (rows * columns).
 
     """
     ends = np.empty(BANDS, I4)
@@ -330,10 +331,10 @@ def settle(k, d, variance, evidence, cost, log_odds, hidden, peak, s, rows, colu
     Turn evidence into log-odds, standard deviation and the reason why there may be no range.
 
     limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes. vague
-    (px): the standard deviation of a plane from which on the colors around a node are too uniform
-    to tell. The standard deviation grows with the distance of the neighbors from the plane: there
-    a plane is not what the surface is. odds is HOPELESS where no min_confidence lets a range pass;
-    it gets a frame of the nearest nodes left and right. reason takes the codes of Status.
+    (px): above this standard deviation of a plane, the colors around a node are too uniform. The
+    standard deviation grows with the distance of the neighbors from the plane: there the surface
+    is no plane. odds is HOPELESS where no range is possible at any min_confidence; its frame
+    repeats the nearest nodes left and right. reason takes the codes of `Status`.
 
     """
     too_vague = vague * vague
@@ -357,7 +358,7 @@ def settle(k, d, variance, evidence, cost, log_odds, hidden, peak, s, rows, colu
                 bright = peaks[x] >= saturation
                 outside = peaks[x] < F4(0)
                 inside_limits = (dd[x] >= lowest) & (dd[x] <= highest)  # not if NaN
-                # the first reason in the order of looking wins: it is asked for last
+                # the first reason of the list wins, so it is assigned last
                 code = NO_MATCH if fit[x] > UNMATCHED * CEILING else IMPLAUSIBLE
                 code = AMBIGUOUS if spread > vague else code
                 code = INCONSISTENT if is_hidden else code

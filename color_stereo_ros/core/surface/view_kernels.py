@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels of the surface method: from images to the colors of nodes; see `_grid_kernels`."""
+"""Kernels of the surface method: from images to the colors of nodes; see `grid_kernels`."""
 
 import math
 
@@ -83,12 +83,12 @@ def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, satur
     v = sqrt(3) (g - b) / (s + soft), s = r + g + b (DN, dark level subtracted, gains applied),
     peak, the brightest raw channel (DN), and the variance of each chromaticity,
     (floor + shot s + relative s^2) / s^2 with noise = (floor, shot, relative), FLAT where a color
-    says nothing: outside, from the peak `saturation` on, or black. Outside u = v = s = 0,
+    has no information: outside, from the peak `saturation` on, or black. Outside u = v = s = 0,
     peak = -1.
 
     widening, float32 (2, h, w) along rows and columns, evens out what nodes see through, see
     `widen_row`; (2, 0, 0): nothing is to be done. ring is float32 (BANDS, 3, 3, w): the last three
-    rows of u, those of v, and room for what nobody needs of the bands beside.
+    rows of u, those of v, and room for unused values of the bands beside.
 
     """
     rows = index.shape[0]

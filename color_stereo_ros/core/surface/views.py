@@ -2,8 +2,8 @@
 """
 The colors of one camera on its half grid.
 
-Where the nodes of a half grid (see `grid_kernels`) lie in the raw image of a camera, through
-what they see it, and what color each of them has.
+Where the nodes of a half grid (see `grid_kernels`) lie in the raw image of a camera, which point
+spread they have, and their colors.
 
 """
 

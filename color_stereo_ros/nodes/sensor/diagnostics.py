@@ -148,7 +148,7 @@ def _pattern(sensor):
     if watch.mismatch:
         return WARN, watch.mismatch, values
     if not watch.known:
-        return OK, 'nobody tells what is projected (pattern/info)', values
+        return OK, 'the projected pattern is unknown: no message on pattern/info', values
     return OK, 'the pattern shown is the one that is set', values
 
 

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pictures of docs/surface_method.md are those that their command makes."""
+
+from dataclasses import replace
+from pathlib import Path
+import re
+
+import cv2
+import pytest
+
+from color_stereo_ros.evaluation import method_pictures
+from color_stereo_ros.evaluation.datasets import load_folder
+
+ROOT = Path(__file__).resolve().parents[1]
+LARGEST = 150_000  # bytes
+
+
+class OnePair:
+    """Stands where `Renders` does: one pair, whatever is asked for."""
+
+    def __init__(self):
+        self._scene = load_folder(ROOT / 'test/data/scenes/flat_350_hue1',
+                                  {'range.min_depth': 0.22, 'range.max_depth': 0.62})
+
+    def pair(self, name, pattern):
+        """Return the pair; its one sweep counts as repeating where sines are asked for."""
+        kind = 'unknown' if pattern == method_pictures.REPEATING else 'sweep'
+        return replace(self._scene, settings={**self._scene.settings, 'pattern.type': kind})
+
+
+@pytest.fixture(scope='module')
+def figures():
+    return method_pictures.pictures(OnePair())
+
+
+def test_every_picture_of_the_page_is_made(figures):
+    page = (ROOT / 'docs/surface_method.md').read_text()
+    assert sorted(figures) == sorted(re.findall(r'\(steps/(\w+)\.png\)', page))
+
+
+def test_pictures_are_small_files(figures, tmp_path):
+    for name, figure in figures.items():
+        path = tmp_path / f'{name}.png'
+        method_pictures.save(figure, path)
+        assert path.stat().st_size < LARGEST and cv2.imread(str(path)) is not None
+
+
+def test_the_pictures_of_the_page_are_small_files():
+    files = list((ROOT / 'docs/steps').glob('*.png'))
+    assert files and all(path.stat().st_size < LARGEST for path in files)
+
+
+def test_scales_name_their_units(figures):
+    labels = [axes.get_xlabel() for figure in figures.values() for axes in figure.axes]
+    assert {'px', 'DN', 'px per node', 'ln(p / (1 - p))', 'status code'} <= set(labels)
