@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled code is never stale: the stamp covers every file of which a kernel contains something."""
+"""Compiled code is never stale: the stamp covers every file that a kernel contains parts of."""
 
 import ast
 import functools

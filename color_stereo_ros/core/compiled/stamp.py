@@ -29,7 +29,7 @@ SOURCES = (
     'core/surface/models/*.yaml',
     'core/surface/tuning.py',
 )
-"""Files whose functions or constants kernels of several modules contain; a test finds omissions."""
+"""Files whose functions or constants are parts of kernels elsewhere; a test finds omissions."""
 
 
 def stamp(function):
