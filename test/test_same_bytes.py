@@ -140,6 +140,7 @@ def test_rectified_pairs_are_announced_with_both_methods(method):
 def test_the_quick_list_makes_each_choice_but_of_settings():
     quick = combinations.quick_combinations()
     assert 30 <= len(quick) <= 50
+    assert set(quick) <= set(COMBINATIONS)
     for factor in ('pattern', 'size', 'rig', 'threads', 'sequence'):
         made = {getattr(each, factor) for each in COMBINATIONS if each.size}
         assert made <= {getattr(each, factor) for each in quick}, factor

@@ -80,10 +80,10 @@ def positive(text):
 
 def chosen(options):
     """Return the combinations that the options choose, numbered as in the whole list."""
-    found = (combinations.quick_combinations() if options.quick else
-             combinations.all_combinations())
-    numbered = [(number, each) for number, each in enumerate(found, 1)
-                if options.only in str(each)]
+    every = combinations.all_combinations()
+    few = set(combinations.quick_combinations()) if options.quick else every
+    numbered = [(number, each) for number, each in enumerate(every, 1)
+                if each in few and options.only in str(each)]
     if not numbered:
         sys.exit(f'same_bytes: no combination holds {options.only!r}, see --list')
     return numbered

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files with the pairs of a combination, made by `scenes` or taken from path-traced scenes."""
 
+from itertools import count
 from pathlib import Path
 
 import cv2
@@ -26,6 +27,7 @@ class Inputs:
         """Keep the folders."""
         self._folder = folder
         self._data = data
+        self._numbers = count()
 
     def prepare(self, combination):
         """
@@ -37,8 +39,7 @@ class Inputs:
             Arguments of `gate.worker.measure`.
 
         """
-        real = not combination.size
-        if real:
+        if not combination.size:
             calibration = {'files': [str(self._data / combination.rig / f'{side}.yaml')
                                      for side in ('left', 'right')]}
         else:
@@ -51,7 +52,7 @@ class Inputs:
         files = {}
         for name in combination.sequence:
             if name not in files:
-                path = self._folder / f'pair_{len(files)}_{id(combination)}.npy'
+                path = self._folder / f'pair_{next(self._numbers)}.npy'
                 np.save(path, self.pair(combination, name))
                 files[name] = str(path)
         return [(name, files[name]) for name in combination.sequence]
