@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 from color_stereo_ros.core import ColorStereo, ColorStereoError
-from color_stereo_ros.core.compiled import kernels, plain
+from color_stereo_ros.core.compiled import decorators, plain
 from color_stereo_ros.core.compiled.requirement import REQUIREMENT, TESTED
 from color_stereo_ros.errors import InstallationError
 import numba
@@ -43,11 +43,11 @@ import sys
 import numpy as np
 from surface_pairs import plane_pair, rig, surface_settings
 from color_stereo_ros.core import ColorStereo
-from color_stereo_ros.core.compiled import kernels, plain
+from color_stereo_ros.core.compiled import decorators, plain
 sensor = ColorStereo(rig(160, 96), surface_settings(4, 40))
 result = sensor.process(*plane_pair(160, 96, 12.25))
 np.savez(sys.argv[1], disparity=result.disparity, status=result.status)
-print(kernels._WAY.chosen is plain)
+print(decorators._WAY.chosen is plain)
 '''
 BREAKS = {
     'a class that is gone':
@@ -56,10 +56,10 @@ BREAKS = {
         'import numba.core.typed_passes as place\n'
         'place.Lowering = place.NativeLowering\ndel place.NativeLowering',
     'an option of njit that is gone':
-        'plain = numba.njit\n'
+        'original = numba.njit\n'
         'def njit(*args, _nrt=None, **options):\n'
         '    if _nrt is not None: raise KeyError("Unrecognized options: _nrt")\n'
-        '    return plain(*args, **options)\n'
+        '    return original(*args, **options)\n'
         'numba.njit = njit',
     'flags that cannot be copied':
         'import numba.core.compiler\nchanged(numba.core.compiler.Flags, "__init__")',
@@ -117,9 +117,9 @@ def test_where_numba_has_changed_a_pair_is_measured_all_the_same(tmp_path, usual
 def test_a_release_that_was_not_tested_is_used_the_plain_way(version):
     """A kernel alone: numba takes nothing from the cache of another version."""
     ran = run(f'import numba\nnumba.__version__ = {version!r}\n'
-              'import numpy as np\nfrom test_compiled import kernels, plain, total\n'
+              'import numpy as np\nfrom test_compiled import decorators, plain, total\n'
               'print(total(np.ones(8, np.float32), np.float32(3), np.empty(8, np.float32)), '
-              'kernels._WAY.chosen is plain)')
+              'decorators._WAY.chosen is plain)')
     assert (ran.returncode, ran.stdout) == (0, '24.0 True\n'), ran.stderr
     assert len(ran.stderr.splitlines()) == 1
     assert f'numba {version} ' in ran.stderr and REQUIREMENT in ran.stderr
@@ -130,23 +130,23 @@ def test_where_numba_is_as_known_nothing_is_said_and_the_fast_way_is_taken(tmp_p
     assert (ran.returncode, ran.stdout, ran.stderr) == (0, 'False\n', '')
 
 
-@kernels.banded(fastmath={'contract'})
+@decorators.banded(fastmath={'contract'})
 def scaled(k, values, factor, out):
     """Write factor times values, through a part and a stack row."""
-    first, last = kernels.band(k, values.size)
-    row = kernels.stack_row()
+    first, last = decorators.band(k, values.size)
+    row = decorators.stack_row()
     for i in range(first, last):
         row[0] = values[i]
         out[i] = doubled(row[0]) * factor / 2
 
 
-@kernels.part()
+@decorators.part()
 def doubled(value):
     """Return twice a number."""
     return 2 * value
 
 
-@kernels.serial()
+@decorators.serial()
 def total(values, factor, scratch):
     """Return the sum of what `scaled` writes: a kernel that calls another one."""
     scaled(values, factor, scratch)
@@ -166,17 +166,17 @@ def test_both_ways_give_the_same_numbers(kernel, arguments):
 def test_wrong_arguments_are_no_reason_to_give_the_fast_way_up(caplog):
     with pytest.raises(Exception, match='argument'):
         scaled(np.zeros(3, np.float32))
-    assert kernels._WAY.chosen is not plain and not caplog.records
+    assert decorators._WAY.chosen is not plain and not caplog.records
 
 
 def test_an_error_that_a_kernel_raises_itself_is_not_hidden():
-    @kernels.serial()
+    @decorators.serial()
     def raising(value):
         raise IndexError('its own')
 
     with pytest.raises(IndexError, match='its own'):
         raising(1)
-    assert kernels._WAY.chosen is not plain
+    assert decorators._WAY.chosen is not plain
 
 
 NOT_THERE = '''
@@ -247,4 +247,4 @@ def test_numba_is_used_behind_the_door_only_and_its_private_parts_in_one_folder(
             assert module == 'numba' or name.startswith(ROOM + 'internals/')
     if not name.startswith(ROOM):
         inside = re.findall(r'from [.\w]*\bcompiled\.(\w+) import', path.read_text())
-        assert not inside  # kernels.py, plain.py and the others are behind the door
+        assert not inside  # the modules of the room are behind the door

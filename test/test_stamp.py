@@ -10,9 +10,11 @@ import shutil
 import subprocess
 import sys
 
-from color_stereo_ros.core.compiled.kernels import Kernel
+from color_stereo_ros.core.compiled.decorators import Kernel
 from color_stereo_ros.core.compiled.stamp import PACKAGE, SOURCES, stamp, stamped_files
 import pytest
+
+pytestmark = pytest.mark.processes  # the simulator has kernels, too
 
 PASSING_ON = {'errors.py', 'files/yaml.py', 'files/atomic.py'}
 """Files that raise errors or read files: none of their values is compiled in."""
@@ -27,6 +29,7 @@ def modules():
             '.__init__')) for path in found]
 
 
+@functools.cache
 def kernels():
     """Return all kernels of the package by their full name."""
     return {f'{value.__module__}.{value.__name__}': value
@@ -107,25 +110,23 @@ def test_there_are_kernels_in_all_rooms():
     assert {'core', 'messages', 'sim'} <= rooms and len(kernels()) > 25
 
 
-@pytest.mark.parametrize('name', kernels())
-def test_the_stamp_covers_every_file_of_which_a_kernel_contains_something(name):
-    kernel = kernels()[name]
-    needed = needed_files(kernel)
-    assert Path(kernel.__wrapped__.__code__.co_filename) in needed
-    assert needed <= set(stamped_files(kernel.__wrapped__))
+def test_the_stamp_covers_every_file_of_which_a_kernel_contains_something():
+    for name, kernel in kernels().items():
+        needed = needed_files(kernel)
+        assert Path(kernel.__wrapped__.__code__.co_filename) in needed
+        assert needed <= set(stamped_files(kernel.__wrapped__)), name
 
 
 def test_the_files_behind_a_kernel_are_found_through_functions_and_constants():
     names = {path.relative_to(PACKAGE).as_posix() for path in needed_files(
         kernels()['color_stereo_ros.core.surface.pixel_kernels.expand'])}
     assert {'core/status.py', 'core/surface/trust_kernels.py', 'core/surface/grid_kernels.py',
-            'core/compiled/kernels.py'} <= names
+            'core/compiled/decorators.py'} <= names
 
 
-@pytest.mark.parametrize('name', kernels())
-def test_all_kernels_in_the_cache_carry_the_stamp(name):
-    kernel = kernels()[name]
-    assert kernel.py_func.__qualname__.endswith(stamp(kernel.__wrapped__))
+def test_all_kernels_in_the_cache_carry_the_stamp():
+    for name, kernel in kernels().items():
+        assert kernel.py_func.__qualname__.endswith(stamp(kernel.__wrapped__)), name
 
 
 REASONS = """

@@ -15,7 +15,7 @@ Behind the door:
 - `threads` sets how long threads wait awake. It must come before numba.
 - `requirement` says which numba fits.
 - `stamp` names what compiled code contains, so that no stale code is loaded.
-- `kernels` has the decorators. It chooses between `internals` and `plain`.
+- `decorators` chooses between `internals` and `plain`.
 - `internals` uses private parts of numba, `plain` does the same without.
 
 Each private part is there for speed. `internals.parts` skips machine code and wrappers that nobody
@@ -29,7 +29,7 @@ without notice. Therefore setup.py has an upper bound for its version, and `plai
 from . import threads  # noqa: F401, before numba is imported
 from . import requirement  # noqa: F401, tells what to install if numba is missing
 from .arena import Arena
-from .kernels import (
+from .decorators import (
     band, banded, BANDS, get_num_threads, LENGTH, parallel, part, prange, serial, stack_array,
     stack_integers, stack_row)
 
