@@ -19,9 +19,9 @@ SIZES = ((640, 480), (512, 512), (333, 251), (97, 61), (64, 48), (1281, 300), (3
          (241, 323), (200, 151), (130, 34), (33, 47), (17, 13))
 """Width and height, px: usual, odd, wide, high and tiny ones."""
 THREADS = 1, 2, 3
-RIGS = 'usual', 'verged', 'rectified', 'rational', 'fisheye', 'parallel'
+RIGS = 'usual', 'verged', 'rectified', 'rational', 'fisheye', 'wide', 'parallel'
 SEQUENCES = (
-    ('plane',),
+    ('plane', 'bright room'),
     ('fence', 'wave'),
     ('strip', 'black', 'ball', 'noise', 'strip'),
     ('bright spot', 'white', 'dark corner'),

@@ -76,6 +76,7 @@ SCENES = {
     'noisy': Scene(slope_x=0.2, signal=60.0, noise=2.5, strips=(Strip(-0.02, 0.09, 0.42),)),
     'dark corner': Scene(wave=0.006, dark_corner=True, ambient=1.0),
     'bright spot': Scene(ball=0.08, bright_spot=True, signal=230.0, ambient=14.0),
+    'bright room': Scene(slope_x=-0.2, ambient=60.0, signal=120.0, print=0.3),
     'unlike cameras': Scene(slope_y=-0.25, strips=(Strip(0.0, 0.08, 0.43),),
                             gains=(1.25, 0.9, 0.7)),
 }
@@ -116,8 +117,8 @@ def calibration_of(rig, size):
         Width and height, px.
 
     """
-    if rig == 'rectified':
-        return {'cameras': [_rectified_camera(side, size) for side in (0, 1)]}
+    if RIGS[rig].seen:
+        return {'cameras': [_camera_model(rig, side, size) for side in (0, 1)]}
     K_left, K_right = (_camera_matrix(rig, size, side) for side in (0, 1))
     rotation, translation = right_from_left(rig)
     D_left, D_right = RIGS[rig].distortion
@@ -137,7 +138,11 @@ class Rig:
     distortion: tuple = ((), ())
     """Coefficients of left and right."""
     moved: tuple = (0.0, 0.0)
-    """Of the principal point of the left and, the other way, the right camera, image widths."""
+    """Of the principal points of left and right, image widths."""
+    seen: float = 0.0
+    """Focal length of the rectified images, image widths; 0 = as StereoCalibration chooses."""
+    tilt: float = 0.0
+    """Rotation of the rectified cameras about the baseline, rad; only with `seen`."""
 
 
 RIGS = {
@@ -151,9 +156,14 @@ RIGS = {
                      (0.28, 0.06, -0.0003, 0.0002, 0.01, 0.4, 0.09, 0.02))),
     'fisheye': Rig((0.005, -0.04, 0.002), 'equidistant', ((-0.02, 0.004, -0.001, 0.0),
                                                           (-0.018, 0.003, -0.001, 0.0))),
-    'rectified': Rig(moved=(0.021, -0.021)),
+    'rectified': Rig(moved=(0.021, -0.021), seen=FOCAL),
+    'wide': Rig(distortion=((-0.35, 0.0, 0.0, 0.0, 0.0), (-0.34, 0.0, 0.0, 0.0, 0.0)), seen=0.28,
+                tilt=0.7),
 }
-"""'rectified': the raw images are rectified ones, whose principal points differ."""
+"""
+'rectified': the raw images are rectified ones, whose principal points differ. 'wide': rectified
+images see so much that the distortion folds there, and that some rays come from behind.
+"""
 
 
 def right_from_left(rig):
@@ -177,13 +187,15 @@ def _camera_matrix(rig, size, side):
                      [0, FOCAL * width, (height - 1) / 2], [0, 0, 1.0]])
 
 
-def _rectified_camera(side, size):
-    """Return the arguments of a CameraModel whose images are rectified."""
-    K = _camera_matrix('rectified', size, side)
-    P = np.column_stack([K, [-K[0, 0] * BASELINE * side, 0, 0]])
+def _camera_model(rig, side, size):
+    """Return the arguments of a CameraModel; the raw cameras of the rig must be parallel."""
+    K, focal = _camera_matrix(rig, size, side), RIGS[rig].seen * size[0]
+    P = np.column_stack([K, [-focal * BASELINE * side, 0, 0]])
+    P[0, 0] = P[1, 1] = focal
+    R = cv2.Rodrigues(np.array([RIGS[rig].tilt, 0, 0]))[0]
     return {'name': ('left', 'right')[side], 'width': size[0], 'height': size[1],
-            'distortion_model': 'plumb_bob', 'D': [0.0] * 5, 'K': K.ravel().tolist(),
-            'R': np.eye(3).ravel().tolist(), 'P': P.ravel().tolist()}
+            'distortion_model': RIGS[rig].model, 'D': RIGS[rig].distortion[side] or [0.0] * 5,
+            'K': K.ravel().tolist(), 'R': R.ravel().tolist(), 'P': P.ravel().tolist()}
 
 
 @lru_cache(maxsize=16)
