@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from ..core import ColorStereo, PatternSettings, Settings, Status
-from ..core.compiled.arena import Arena
+from ..core.compiled import Arena
 from ..core.surface.planes import PlaneField
 from .plots import STYLE
 from .renders import default_pattern, Renders
