@@ -39,6 +39,9 @@ class PaperMatcher:
     """
     Finds for each left pixel the right pixel of the same row whose window has the least Q.
 
+    Q is the sum of the color differences of two windows (paper, sec. 2.2). Images are rectified,
+    uint8 (H, W, 3); the match has their H x W, disparities in px.
+
     Parameters
     ----------
     settings : Settings
@@ -157,7 +160,29 @@ def _median(values):
 
 
 class _Buffers:
-    """Memory of the search, one set per band of rows."""
+    """
+    Memory of the search; D is the number of disparities, P that rounded up to whole vectors.
+
+    Attributes
+    ----------
+    ring : numpy.ndarray, uint16, shape (bands, window rows, W, P)
+        Costs of the rows of the window, in stored units (`search.cost_unit`).
+    sums : numpy.ndarray, int32, shape (bands, W, P)
+        Their sums over the rows of the window.
+    total : numpy.ndarray, int32, shape (bands, P + 2)
+        Cost of the window of one pixel, with room for its neighbors.
+    ratios : numpy.ndarray, float32, shape (bands, 2, 3, W + P - 1)
+        Ratios of the color components of one right row, reversed.
+    right_cost, right_index : numpy.ndarray, int32, shape (bands, W + P - 1)
+        Least cost of each right pixel of a row, and the index of its disparity; reversed.
+    low, high : numpy.ndarray, int32, shape (H, W)
+        First disparity of each pixel and the one after the last, 0 .. D.
+    winner : numpy.ndarray, int32, shape (H, W, 2)
+        Index of the best disparity, and that of the right pixel it leads to; -1 = none.
+    costs : numpy.ndarray, int32, shape (H, W, 4)
+        Before, at and after the winner, and the best elsewhere, in stored units.
+
+    """
 
     def __init__(self, geometry, count, settings):
         bands = kernels.band_count()
