@@ -34,9 +34,21 @@ class Measurement(Match):
 
 
 @dataclass(frozen=True, eq=False)
-class RangeResult(Measurement):
-    """A measurement of one pair, in the frame and pixels of the rectified left camera."""
+class RangeResult:
+    """What one pair of images gives, in the frame and pixels of the rectified left camera."""
 
+    # Not a subclass of Measurement: the order of the fields is public, it is that of the
+    # constructor's arguments.
+    disparity: np.ndarray
+    """float32 (H, W), x_left - x_right in px, NaN = unknown."""
+    depth: np.ndarray
+    """float32 (H, W), meters along Z of the rectified left camera, NaN = unknown."""
+    confidence: np.ndarray
+    """float32 (H, W), 0..1: the probability of being right within 1 px; 0 = unknown."""
+    status: np.ndarray
+    """uint8 (H, W), a `Status` code; 0 exactly where depth is finite."""
+    disparity_std: np.ndarray
+    """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
     image_source: object
     """The rectified left image, uint8 (H, W, 3), RGB, or a function that makes it when asked."""
     geometry: RectifiedGeometry
