@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The correspondence search of the paper (sec. 2.2 and 3), exhaustive over the disparities."""
 
+from dataclasses import dataclass
 import math
 
 import cv2
 import numpy as np
 
-from ..results import Match, Measurement
+from ..results import Measurement
 from ..triangulation import depth_from_disparity, search_interval
 from . import kernels
 from .color import ColorCorrection
@@ -33,6 +34,20 @@ class PaperMethod:
         depth = depth_from_disparity(match.disparity, pair.geometry)
         clock.lap('triangulate')
         return Measurement(**vars(match), depth=depth)
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """What a matching method finds for one rectified pair, in pixels of the left image."""
+
+    disparity: np.ndarray
+    """float32 (H, W), x_left - x_right in px, NaN = unknown."""
+    disparity_std: np.ndarray
+    """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
+    confidence: np.ndarray
+    """float32 (H, W), 0..1: the probability of being right within 1 px; 0 = unknown."""
+    status: np.ndarray
+    """uint8 (H, W), a `Status` code; 0 exactly where the disparity is finite."""
 
 
 class PaperMatcher:

@@ -178,7 +178,7 @@ class CoarseTuning(Constants):
     texture: float = constant(
         0.35, '1', 'Weight of the brightness of the surface beside color.',
         chosen('Colors tell nearly all under an aperiodic pattern: 0 gives the same density, '
-               '.01 % more wrong ranges (docs/surface_method.md).'))
+               '.01 % more wrong ranges (docs/evaluation.md).'))
     texture_surroundings: int = constant(
         9, 'coarse nodes', 'Width of the surroundings that brightness is compared with.',
         unexplained('Wider than print, narrower than shading (e4ddeb0).'))
@@ -199,7 +199,7 @@ class CoarseTuning(Constants):
     seed_variance: float = constant(
         0.09, 'px^2', 'Variance of a seed that no round has refined.',
         chosen('A standard deviation of .3 px (61b5d22); without rounds the median error is .35 '
-               'px (docs/surface_method.md).'))
+               'px (docs/evaluation.md).'))
 
 
 @dataclass(frozen=True)
