@@ -3,7 +3,9 @@
 
 from types import SimpleNamespace
 
-from color_stereo_ros.core import CalibrationError, StereoCalibration
+from color_stereo_ros.core import CalibrationError, ColorStereo, Settings, StereoCalibration
+from color_stereo_ros.core.cameras.calibration import CameraModel
+from color_stereo_ros.core.cameras.common_view import with_common_view
 from color_stereo_ros.core.cameras.rectification import Rectifier
 import cv2
 import numpy as np
@@ -170,6 +172,12 @@ def test_arrays_of_a_camera_cannot_be_changed():
     (dict(width=0), 'left width = 0 px is not an image size'),
     (dict(height=-480), 'left height = -480 px is not an image size'),
     (dict(width=640.5), 'left width = 640.5 px is not an image size'),
+    (dict(width=3, height=3), 'left width = 3 px is not an image size, expected 8 .. 32766 px'),
+    (dict(width=2, height=2000), 'left width = 2 px is not'),
+    (dict(width=64, height=1), 'left height = 1 px is not'),
+    (dict(width=32767), 'left width = 32767 px is not'),
+    (dict(width=10 ** 400), 'left width = 10{56}... px is not'),
+    (dict(width='640'), "left width = '640' px is not"),
     (dict(width=1280), 'left width x height = 1280 x 480 px, right = 640 x 480 px'),
 ])
 def test_an_impossible_left_camera_is_refused(changes, message):
@@ -319,6 +327,71 @@ def test_swapped_cameras_are_recognized():
 def test_an_impossible_motion_is_refused(rotation, translation, message):
     with pytest.raises(CalibrationError, match=message):
         StereoCalibration.from_arrays(SIZE, K, D, K, D, rotation, translation)
+
+
+@pytest.mark.parametrize('size', [(3, 3), (2, 2000), (64, 1), (0, 0), (-8, 8)])
+def test_a_size_without_room_for_a_measurement_is_refused(size):
+    with pytest.raises(CalibrationError, match='px is not an image size, expected 8 .. 32766 px'):
+        StereoCalibration.from_arrays(size, K, D, K, D, np.eye(3), [-0.2, 0, 0])
+
+
+@pytest.mark.parametrize('method', ['surface', 'paper'])
+@pytest.mark.parametrize('size', [(8, 8), (8, 64), (64, 8)])
+def test_the_smallest_images_are_measured(size, method):
+    K_small = np.array([[50.0, 0, 4], [0, 50, 4], [0, 0, 1]])
+    calibration = StereoCalibration.from_arrays(size, K_small, [], K_small, [], np.eye(3),
+                                                [-0.1, 0, 0])
+    stereo = ColorStereo(calibration, Settings().updated(
+        {'matching.method': method, 'range.min_depth': 0.9, 'range.max_depth': 20.0}))
+    image = np.random.default_rng(1).integers(0, 256, (*size[::-1], 3), np.uint8)
+    assert stereo.process(image, image).depth.shape == size[::-1]
+
+
+def converging(angle, model, skew=0.0):
+    """Return rig and calibration of two cameras turned towards each other by angle each, deg."""
+    K_each = np.array([[689.0, skew, 320.5], [0, 689.0, 238.0], [0, 0, 1]])
+    D_each = {'plumb_bob': [-0.1, 0.05, 0.0, 0.0, 0.0], 'equidistant': [0.01, 0.002, 0.0, 0.0],
+              'rational_polynomial': [-0.1, 0.05, 0, 0, 0, 0.02, 0, 0]}[model]
+    rotation, _ = cv2.Rodrigues(np.array([0.01, np.radians(2 * angle), 0.02]))
+    center = 0.2 * np.array([np.cos(np.radians(angle)), 0, np.sin(np.radians(angle))])
+    return StereoCalibration.from_arrays(SIZE, K_each, D_each, K_each, D_each, rotation,
+                                         -rotation @ center, distortion_model=model)
+
+
+@pytest.mark.parametrize('model', ['plumb_bob', 'rational_polynomial', 'equidistant'])
+@pytest.mark.parametrize('angle', [0, 12, 20, 24, 26, 28, 32, 36, 40])
+def test_converging_cameras_keep_what_both_see(angle, model):
+    calibration = converging(angle, model)
+    rotation, translation = calibration.right_from_left
+    places = []
+    for side in ('left', 'right'):
+        axis = np.array([0, 0, 0.1 / np.sin(np.radians(max(angle, 5)))])
+        point = axis if side == 'left' else rotation @ axis + translation
+        camera = getattr(calibration, side)
+        places.append(project(camera, point))
+        assert 0 <= places[-1][0] <= SIZE[0] - 1 and 0 <= places[-1][1] <= SIZE[1] - 1
+    assert places[0][1] == pytest.approx(places[1][1], abs=1e-6)
+    geometry = calibration.geometry
+    assert 250 < geometry.focal_x < 1000
+    mutual = Rectifier(calibration)
+    assert all(inside.mean() > 0.6 for inside in mutual._inside)
+
+
+def test_views_that_fit_side_by_side_get_one_principal_point():
+    cameras = [CameraModel(name, *SIZE, 'plumb_bob', [], np.array(
+        [[2000.0, 0, center], [0, 600.0, 240], [0, 0, 1]]), np.eye(3), np.eye(3, 4))
+        for name, center in (('left', 320.0), ('right', 330.0))]
+    poor = tuple((np.eye(3), np.array([[1e5, 0, -1e6, shift], [0, 1e5, 240, 0], [0, 0, 1, 0.0]]))
+                 for shift in (0.0, -1e4))
+    (_, P_left), (_, P_right) = with_common_view(*cameras, np.eye(3), np.array([[-0.1], [0], [0]]),
+                                                 poor)
+    assert P_left[0, 2] == P_right[0, 2]
+    assert P_left[0, 0] == P_left[1, 1] == P_right[0, 0] == pytest.approx(600, rel=0.1)
+
+
+def test_cameras_that_see_nothing_in_common_are_refused():
+    with pytest.raises(CalibrationError, match='leave no view that both cameras share'):
+        converging(-30, 'plumb_bob')
 
 
 def test_an_impossible_size_is_refused():

@@ -3,12 +3,13 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 
 from ...errors import CalibrationError
 from ...files.atomic import write_text
-from ...files.camera_info import camera_info_text, read_camera_info
+from ...files.camera_info import camera_info_text, read_camera_info, WINDOW
 from ...files.yaml import UnreadableError
 from . import checks
 from .common_view import with_common_view
@@ -58,8 +59,9 @@ class CameraModel:
             self._keep(field, checks.matrix(f'{self.name} {field}', getattr(self, field), shape))
         for field in 'KP':
             self._keep(field, checks.without_dust(getattr(self, field)))
-        if self.distortion_model in LENSES and np.isfinite(self.D).all():
-            self._keep('D', coefficients_of(LENSES[self.distortion_model], self.D))
+        model = self.distortion_model
+        if isinstance(model, str) and model in LENSES and np.isfinite(self.D).all():
+            self._keep('D', coefficients_of(LENSES[model], self.D))
         for field in 'DKRP':
             getattr(self, field).setflags(write=False)
         checks.check_size(self)
@@ -150,7 +152,7 @@ class StereoCalibration:
     @classmethod
     def from_yaml(cls, left, right):
         """
-        Read two ROS camera_info YAML files.
+        Read two ROS camera_info YAML files, or what `files.camera_info` reads besides.
 
         Parameters
         ----------
@@ -276,7 +278,13 @@ def _camera_from_yaml(name, path):
     except UnreadableError as error:
         raise CalibrationError(f'{name} calibration {path} {error}') from error
     try:
-        return CameraModel(name, **fields, source=str(path))
+        window = {field: fields.pop(field) for field in WINDOW if field in fields}
+        if isinstance(window.get('roi'), dict):
+            window['roi'] = SimpleNamespace(**window['roi'])
+        camera = CameraModel(name, **fields, source=str(path))
+        checks.check_whole_image(name, SimpleNamespace(
+            width=camera.width, height=camera.height, **window))
+        return camera
     except CalibrationError as error:
         raise CalibrationError(f'{path}: {error}') from error
 

@@ -11,6 +11,7 @@ PROJECTION_TOLERANCE = 0.01  # px, between the entries of P that both cameras sh
 DUST = 1e-6                  # of the focal length: an entry that is no more counts as zero
 TURN = ('turn both cameras, or their images before they are calibrated, by 90 degrees, so that '
         'one is beside the other')
+SIZE_LIMITS = (8, 32766)     # px: windows of the methods, 16-bit maps of OpenCV
 BASELINE_LIMITS = (0.001, 5.0)  # m
 
 
@@ -18,8 +19,8 @@ def matrix(label, values, shape):
     """Return values as a float64 array of the given shape."""
     try:
         flat = np.array(values, np.float64).ravel()
-    except (TypeError, ValueError) as error:
-        raise CalibrationError(f'{label} = {values!r} is no list of numbers') from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise CalibrationError(f'{label} = {shortened(values)} is no list of numbers') from error
     expected = abs(int(np.prod(shape)))
     if shape != (-1,) and flat.size != expected:
         raise CalibrationError(f'{label} has {flat.size} values, expected {expected}')
@@ -36,9 +37,11 @@ def check_size(camera):
     """Refuse a width or height that is no number of pixels."""
     for field in ('width', 'height'):
         value = getattr(camera, field)
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value <= 0:
-            raise CalibrationError(
-                f'{camera.name} {field} = {value!r} px is not an image size, expected > 0')
+        low, high = SIZE_LIMITS
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) \
+                or not low <= value <= high:
+            raise CalibrationError(f'{camera.name} {field} = {shortened(value)} px is not an image '
+                                   f'size, expected {low} .. {high} px')
 
 
 def check_raw(camera):
@@ -58,7 +61,7 @@ def says_no_raw_camera(camera):
 def check_distortion(camera):
     """Refuse an unknown lens model and coefficients that it does not have."""
     model = camera.distortion_model
-    if model not in LENSES:
+    if not isinstance(model, str) or model not in LENSES:
         raise CalibrationError(f'{camera.name} distortion_model = {shortened(model)} is unknown, '
                                f'expected one of {", ".join(LENSES)}')
     check_finite(f'{camera.name} D', camera.D)
