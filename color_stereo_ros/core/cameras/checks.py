@@ -120,8 +120,8 @@ def without_dust(projection):
     """
     clean = projection.copy()
     focal = np.abs(projection[[0, 1], [0, 1]]).max()
-    for row, column in ((0, 1), (1, 0), (0, 3), (1, 3)):
-        if column < clean.shape[1] and abs(clean[row, column]) <= DUST * focal:
+    for row, column in ((0, 1), (1, 0)):
+        if abs(clean[row, column]) <= DUST * focal:
             clean[row, column] = 0.0
     last = np.eye(3, clean.shape[1])[2]
     clean[2] = np.where(np.abs(clean[2] - last) <= DUST, last, clean[2])
@@ -164,10 +164,14 @@ def check_baseline(left, right):
     """Refuse a pair whose right camera is not beside the left one, to its right."""
     dust = DUST * left.P[0, 0]
     across, down = right.P[:2, 3] - left.P[:2, 3]
+    (left_x, left_y), (right_x, right_y) = (
+        np.where(np.abs(P[:2, 3]) > dust, P[:2, 3], 0.0) for P in (left.P, right.P))
     if abs(down) > dust:
-        raise CalibrationError(_about_heights(left.P[1, 3], right.P[1, 3], abs(across) <= dust))
-    if abs(across) <= dust or across > 0:
-        raise CalibrationError(_about_places(left.P[0, 3], right.P[0, 3], across > dust))
+        raise CalibrationError(_about_heights(left_y, right_y, abs(across) <= dust))
+    if abs(across) <= dust:
+        raise CalibrationError(_about_no_baseline(left_x, right.P[0, 3]))
+    if across > 0:
+        raise CalibrationError(_about_swapped(left_x, right_x))
     _check_plausible_baseline(-across / right.P[0, 0])
 
 
@@ -183,17 +187,23 @@ def _about_heights(left, right, vertical):
     return f'{values}: cameras above one another are not supported, expected {expected}'
 
 
-def _about_places(left, right, swapped):
-    """Return what is wrong with the P[3] of two cameras, whose difference is -f B."""
-    if not left:
-        return (f'right P[3] = {right} px m is positive, expected -focal length * baseline: are '
-                'left and right camera swapped?' if swapped else
-                f'right P[3] = {right} px m: the pair has no baseline, expected -focal length * '
-                'baseline')
-    return (f'left P[3] = {left} px m, expected 0: are left and right camera swapped? (right P[3] '
-            f'= {right} px m; the smaller one belongs to the right camera)' if swapped else
-            f'left P[3] = {left} px m and right P[3] = {right} px m: no baseline between them, '
-            'expected right P[3] = left P[3] - focal length * baseline')
+def _about_no_baseline(left, right):
+    """Return what is wrong with P[3] that are the same."""
+    if left:
+        return (f'left P[3] = {left} px m and right P[3] = {right} px m: no baseline between them, '
+                'expected right P[3] = left P[3] - focal length * baseline')
+    value = f'right P[3] = {right} px m' if not right else \
+        f'right P[3] means a baseline of 0 m but for rounding, {right} px m'
+    return f'{value}: the pair has no baseline, expected -focal length * baseline'
+
+
+def _about_swapped(left, right):
+    """Return what is wrong with P[3] of which the right one is larger."""
+    if left:
+        return (f'left P[3] = {left} px m, expected 0: are left and right camera swapped? (right '
+                f'P[3] = {right} px m; the smaller one belongs to the right camera)')
+    return (f'right P[3] = {right} px m is positive, expected -focal length * baseline: are left '
+            'and right camera swapped?')
 
 
 def _check_plausible_baseline(baseline):

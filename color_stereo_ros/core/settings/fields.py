@@ -88,7 +88,7 @@ def _checked(group, spec, value):
     name = f'{group.prefix}.{spec.name}'
     kind = type(spec.default)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value) if abs(value) < HUGE else math.copysign(math.inf, value)
+        value = float(value) if abs(value) < HUGE else math.inf if value > 0 else -math.inf
     if hasattr(value, 'item') and isinstance(value.item(), kind):
         value = value.item()  # a numpy scalar
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
