@@ -165,8 +165,8 @@ def test_arrays_of_a_camera_cannot_be_changed():
     (dict(p=replaced(LEFT.p, 1, 0.5)), 'left P.* has no skew'),
     (dict(p=LEFT.p[:11]), 'left P has 11 values, expected 12'),
     (dict(p=replaced(LEFT.p, 3, -61.0)), r'left P\[3\] = -61.0 px m, expected 0.*swapped'),
-    (dict(p=replaced(LEFT.p, 3, -60.0)), r'left P\[3\] = -60.0 px m and right P\[3\] = -60.0 px m: '
-     'no baseline between them'),
+    (dict(p=replaced(LEFT.p, 3, -60.0)), r'left P\[3\] = -60.0 px m and right P\[3\] = '
+     '-60.0 px m: no baseline between them'),
     (dict(p=replaced(LEFT.p, 3, -60 + 1e-9)), 'no baseline between them'),
     (dict(p=replaced(LEFT.p, 7, 5.0)), r'left P\[7\] = 5.0 px m'),
     (dict(width=0), 'left width = 0 px is not an image size'),

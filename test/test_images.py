@@ -17,7 +17,8 @@ ORIENTATION = 274
 def exif(orientation, order='<'):
     """Return a TIFF header with one tag, the content of an EXIF block."""
     head = b'II*\0' if order == '<' else b'MM\0*'
-    return head + struct.pack(f'{order}IHHHIHH', 8, 1, ORIENTATION, 3, 1, orientation, 0) + bytes(4)
+    entry = struct.pack(f'{order}HHIHH', ORIENTATION, 3, 1, orientation, 0)
+    return head + struct.pack(f'{order}IH', 8, 1) + entry + bytes(4)
 
 
 def jpeg(image, orientation, order):

@@ -162,10 +162,10 @@ def _overlaid(node, defaults):
 
 def read_camera(name, node):
     """Return the Camera of a mapping; see docs/simulation.md for the fields."""
-    node.only('width', 'height', 'focal', 'center', 'skew', 'distortion_model', 'distortion', 'position',
-              'rotation', 'exposure', 'sensitivity', 'crosstalk', 'vignetting', 'lens_blur',
-              'bayer', 'demosaicing', 'full_well', 'read_noise', 'speckle', 'dark_level',
-              'response', 'bits')
+    node.only('width', 'height', 'focal', 'center', 'skew', 'distortion_model', 'distortion',
+              'position', 'rotation', 'exposure', 'sensitivity', 'crosstalk', 'vignetting',
+              'lens_blur', 'bayer', 'demosaicing', 'full_well', 'read_noise', 'speckle',
+              'dark_level', 'response', 'bits')
     width, height = (node.get(field).integer(8, 8192) for field in ('width', 'height'))
     focal = node.get('focal').pair(1.0, 1e5)
     center = node.get('center', [(width - 1) / 2, (height - 1) / 2]).vector(2)

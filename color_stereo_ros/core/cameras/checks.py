@@ -40,8 +40,8 @@ def check_size(camera):
         low, high = SIZE_LIMITS
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) \
                 or not low <= value <= high:
-            raise CalibrationError(f'{camera.name} {field} = {shortened(value)} px is not an image '
-                                   f'size, expected {low} .. {high} px')
+            raise CalibrationError(f'{camera.name} {field} = {shortened(value)} px is not an '
+                                   f'image size, expected {low} .. {high} px')
 
 
 def check_raw(camera):
@@ -190,10 +190,10 @@ def _about_heights(left, right, vertical):
 def _about_no_baseline(left, right):
     """Return what is wrong with P[3] that are the same."""
     if left:
-        return (f'left P[3] = {left} px m and right P[3] = {right} px m: no baseline between them, '
-                'expected right P[3] = left P[3] - focal length * baseline')
+        return (f'left P[3] = {left} px m and right P[3] = {right} px m: no baseline between '
+                'them, expected right P[3] = left P[3] - focal length * baseline')
     value = f'right P[3] = {right} px m' if not right else \
-        f'right P[3] means a baseline of 0 m but for rounding, {right} px m'
+        f'right P[3] means a baseline of 0 m ({right} px m is a rounding error)'
     return f'{value}: the pair has no baseline, expected -focal length * baseline'
 
 
