@@ -3,7 +3,10 @@
 
 from types import SimpleNamespace
 
-from color_stereo_ros.core import CalibrationError, StereoCalibration
+from color_stereo_ros.core import CalibrationError, ColorStereo, Settings, StereoCalibration
+from color_stereo_ros.core.cameras.calibration import CameraModel
+from color_stereo_ros.core.cameras.common_view import with_common_view
+from color_stereo_ros.core.cameras.rectification import Rectifier
 import cv2
 import numpy as np
 import pytest
@@ -144,10 +147,15 @@ def test_arrays_of_a_camera_cannot_be_changed():
     (dict(k=replaced(LEFT.k, 8, 0.0)), 'left K = .* is no camera matrix'),
     (dict(k=LEFT.k[:8]), 'left K has 8 values, expected 9'),
     (dict(k='abc'), "left K = 'abc' is no list of numbers"),
-    (dict(d=[0.0] * 3), 'left D has 3 values, expected 0 or 4 or 5 for distortion_model plumb'),
+    (dict(d=[0.0] * 5 + [0.1]), r'left D\[5\] = 0.1, but distortion_model plumb_bob has 5 coeff.*'
+     'is it rational_polynomial'),
+    (dict(d=[0.0] * 14 + [0.1], distortion_model='rational_polynomial'),
+     r'left D\[14\] = 0.1, but distortion_model rational_polynomial has 14 coefficients'),
+    (dict(d=[0.0] * 4 + [1e-3], distortion_model='equidistant'), r'left D\[4\] = 0.001, but'),
     (dict(d=[float('inf')] * 5), r'left D\[0\] = inf'),
     (dict(distortion_model='fov'), "left distortion_model = 'fov' is unknown, expected one of pl"),
-    (dict(distortion_model=''), "left distortion_model = '' is unknown"),
+    (dict(distortion_model='x' * 100000), "left distortion_model = 'x{56}... is unknown"),
+    (dict(distortion_model=''), "left distortion_model = '' is unknown.*rectified already need P"),
     (dict(r=[0.0] * 9), 'left R = .* is not a rotation'),
     (dict(r=[1, 0, 0, 0, 1, 0, 0, 0, -1]), 'left R = .* determinant -1'),
     (dict(r=LEFT.r[:4]), 'left R has 4 values, expected 9'),
@@ -156,16 +164,102 @@ def test_arrays_of_a_camera_cannot_be_changed():
     (dict(p=replaced(LEFT.p, 10, 2.0)), r'left P\[8..11\] = '),
     (dict(p=replaced(LEFT.p, 1, 0.5)), 'left P.* has no skew'),
     (dict(p=LEFT.p[:11]), 'left P has 11 values, expected 12'),
-    (dict(p=replaced(LEFT.p, 3, -60.0)), r'left P\[3\] = -60.0 px m.*swapped'),
+    (dict(p=replaced(LEFT.p, 3, -61.0)), r'left P\[3\] = -61.0 px m, expected 0.*swapped'),
+    (dict(p=replaced(LEFT.p, 3, -60.0)), r'left P\[3\] = -60.0 px m and right P\[3\] = '
+     '-60.0 px m: no baseline between them'),
+    (dict(p=replaced(LEFT.p, 3, -60 + 1e-9)), 'no baseline between them'),
     (dict(p=replaced(LEFT.p, 7, 5.0)), r'left P\[7\] = 5.0 px m'),
     (dict(width=0), 'left width = 0 px is not an image size'),
     (dict(height=-480), 'left height = -480 px is not an image size'),
     (dict(width=640.5), 'left width = 640.5 px is not an image size'),
+    (dict(width=3, height=3), 'left width = 3 px is not an image size, expected 8 .. 32766 px'),
+    (dict(width=2, height=2000), 'left width = 2 px is not'),
+    (dict(width=64, height=1), 'left height = 1 px is not'),
+    (dict(width=32767), 'left width = 32767 px is not'),
+    (dict(width=10 ** 400), 'left width = 10{56}... px is not'),
+    (dict(width='640'), "left width = '640' px is not"),
     (dict(width=1280), 'left width x height = 1280 x 480 px, right = 640 x 480 px'),
 ])
 def test_an_impossible_left_camera_is_refused(changes, message):
     with pytest.raises(CalibrationError, match=message):
-        StereoCalibration.from_camera_info(camera_info(**changes), RIGHT)
+        StereoCalibration.from_camera_info(camera_info(**changes), RIGHT).check_raw()
+
+
+@pytest.mark.parametrize('changes', [
+    dict(distortion_model='', d=[]), dict(distortion_model='none'), dict(distortion_model='fov'),
+    dict(d=[float('nan')]), dict(r=[0.0] * 9), dict(k=[0.0] * 9), dict(k=[float('nan')] * 9),
+    dict(distortion_model='', d=[], r=[0.0] * 9, k=[0.0] * 9)])
+def test_rectified_images_need_p_alone(changes):
+    calibration = StereoCalibration.from_camera_info(camera_info(**changes), RIGHT)
+    assert calibration.geometry == StereoCalibration.from_camera_info(LEFT, RIGHT).geometry
+    image = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
+    pair = Rectifier(calibration, rectified_input=True).rectify(image, image)
+    np.testing.assert_array_equal(pair.left, image)
+    with pytest.raises(CalibrationError, match='left '):
+        Rectifier(calibration)
+    with pytest.raises(CalibrationError, match='left '):
+        calibration.right_from_left
+
+
+DUST = 1e-14
+
+
+@pytest.mark.parametrize('field, index', [
+    *(('k', index) for index in (1, 3, 6, 7)), *(('p', index) for index in (1, 4, 8, 9, 11)),
+    ('p', 3), ('p', 7)])
+@pytest.mark.parametrize('dust', [DUST, -DUST, 5e-7])
+def test_rounding_errors_where_a_zero_belongs_are_no_reason_to_refuse(field, index, dust):
+    def dusty(info):
+        values = getattr(info, field)
+        changes = {field: replaced(values, index, values[index] + dust)}
+        return SimpleNamespace(**{**vars(info), **changes})
+
+    exact = StereoCalibration.from_camera_info(LEFT, RIGHT)
+    for pair in ((dusty(LEFT), RIGHT), (LEFT, dusty(RIGHT)), (dusty(LEFT), dusty(RIGHT))):
+        found = StereoCalibration.from_camera_info(*pair)
+        found.check_raw()
+        np.testing.assert_array_equal(found.left.K, exact.left.K)
+        np.testing.assert_array_equal(found.left.P[:, :3], exact.left.P[:, :3])
+        assert found.geometry.baseline == pytest.approx(0.1, abs=1e-8)
+
+
+@pytest.mark.parametrize('field, index, value', [('k', 8, 1 + DUST), ('p', 10, 1 - DUST)])
+def test_rounding_errors_where_a_one_belongs_are_no_reason_to_refuse(field, index, value):
+    info = camera_info(**{field: replaced(getattr(LEFT, field), index, value)})
+    found = StereoCalibration.from_camera_info(info, RIGHT)
+    found.check_raw()
+    assert getattr(found.left, field.upper())[2, 2] == 1
+
+
+@pytest.mark.parametrize('dust', [DUST, -DUST])
+def test_a_baseline_of_rounding_errors_is_none(dust):
+    info = camera_info(p=replaced(RIGHT.p, 3, dust))
+    with pytest.raises(CalibrationError, match='the pair has no baseline'):
+        StereoCalibration.from_camera_info(LEFT, info)
+
+
+@pytest.mark.parametrize('left, right', [(-30.0, -90.0), (60.0, 0.0), (30.0, -30.0)])
+def test_a_third_camera_may_be_the_reference(left, right):
+    infos = [camera_info(p=replaced(replaced(info.p, 3, shift), 7, 12.0))
+             for info, shift in ((LEFT, left), (RIGHT, right))]
+    geometry = StereoCalibration.from_camera_info(*infos).geometry
+    assert geometry == StereoCalibration.from_camera_info(LEFT, RIGHT).geometry
+
+
+@pytest.mark.parametrize('model, given, taken', [
+    ('plumb_bob', [], []), ('plumb_bob', [0.1], [0.1, 0, 0, 0]),
+    ('plumb_bob', [0.1, 0.2], [0.1, 0.2, 0, 0]), ('plumb_bob', [0.1] * 5, [0.1] * 5),
+    ('plumb_bob', [0.1] * 5 + [0.0] * 9, [0.1] * 5), ('plumb_bob', [0.0] * 9, [0.0] * 5),
+    ('plumb_bob', [0.1] * 5 + [1e-14], [0.1] * 5),
+    ('rational_polynomial', [0.1] * 5, [0.1] * 5 + [0.0] * 3),
+    ('rational_polynomial', [0.1] * 9, [0.1] * 9 + [0.0] * 3),
+    ('rational_polynomial', [0.1] * 14 + [0.0] * 2, [0.1] * 14),
+    ('equidistant', [0.1] * 2, [0.1, 0.1, 0, 0]), ('equidistant', [0.1] * 4 + [0.0], [0.1] * 4)])
+def test_missing_coefficients_are_zero_and_zeros_at_the_end_do_not_matter(model, given, taken):
+    camera = StereoCalibration.from_camera_info(
+        camera_info(distortion_model=model, d=given), RIGHT).left
+    camera.check_raw()
+    assert camera.D.tolist() == taken
 
 
 @pytest.mark.parametrize('index, value, message', [
@@ -181,6 +275,15 @@ def test_an_impossible_left_camera_is_refused(changes, message):
 def test_an_impossible_pair_is_refused(index, value, message):
     with pytest.raises(CalibrationError, match=message):
         StereoCalibration.from_camera_info(LEFT, camera_info(p=replaced(RIGHT.p, index, value)))
+
+
+@pytest.mark.parametrize('down', [-60.0, 60.0])
+def test_exactly_vertical_stereo_is_named(down):
+    info = camera_info(p=replaced(replaced(RIGHT.p, 3, 0.0), 7, down))
+    with pytest.raises(CalibrationError, match='Vertical stereo is not supported: turn both'):
+        StereoCalibration.from_camera_info(LEFT, info)
+    with pytest.raises(CalibrationError, match='Vertical stereo is not supported: turn both'):
+        StereoCalibration.from_arrays(SIZE, K, D, K, D, np.eye(3), [0, down / 600, 0])
 
 
 @pytest.mark.parametrize('changes, message', [
@@ -226,6 +329,72 @@ def test_an_impossible_motion_is_refused(rotation, translation, message):
         StereoCalibration.from_arrays(SIZE, K, D, K, D, rotation, translation)
 
 
+@pytest.mark.parametrize('size', [(3, 3), (2, 2000), (64, 1), (0, 0), (-8, 8)])
+def test_a_size_without_room_for_a_measurement_is_refused(size):
+    with pytest.raises(CalibrationError, match='px is not an image size, expected 8 .. 32766 px'):
+        StereoCalibration.from_arrays(size, K, D, K, D, np.eye(3), [-0.2, 0, 0])
+
+
+@pytest.mark.parametrize('method', ['surface', 'paper'])
+@pytest.mark.parametrize('size', [(8, 8), (8, 64), (64, 8)])
+def test_the_smallest_images_are_measured(size, method):
+    K_small = np.array([[50.0, 0, 4], [0, 50, 4], [0, 0, 1]])
+    calibration = StereoCalibration.from_arrays(size, K_small, [], K_small, [], np.eye(3),
+                                                [-0.1, 0, 0])
+    stereo = ColorStereo(calibration, Settings().updated(
+        {'matching.method': method, 'range.min_depth': 0.9, 'range.max_depth': 20.0}))
+    image = np.random.default_rng(1).integers(0, 256, (*size[::-1], 3), np.uint8)
+    assert stereo.process(image, image).depth.shape == size[::-1]
+
+
+def converging(angle, model, skew=0.0):
+    """Return rig and calibration of two cameras turned towards each other by angle each, deg."""
+    K_each = np.array([[689.0, skew, 320.5], [0, 689.0, 238.0], [0, 0, 1]])
+    D_each = {'plumb_bob': [-0.1, 0.05, 0.0, 0.0, 0.0], 'equidistant': [0.01, 0.002, 0.0, 0.0],
+              'rational_polynomial': [-0.1, 0.05, 0, 0, 0, 0.02, 0, 0]}[model]
+    rotation, _ = cv2.Rodrigues(np.array([0.01, np.radians(2 * angle), 0.02]))
+    center = 0.2 * np.array([np.cos(np.radians(angle)), 0, np.sin(np.radians(angle))])
+    return StereoCalibration.from_arrays(SIZE, K_each, D_each, K_each, D_each, rotation,
+                                         -rotation @ center, distortion_model=model)
+
+
+@pytest.mark.parametrize('model', ['plumb_bob', 'rational_polynomial', 'equidistant'])
+@pytest.mark.parametrize('angle', [0, 12, 20, 24, 26, 28, 32, 36, 40])
+def test_converging_cameras_keep_what_both_see(angle, model):
+    calibration = converging(angle, model)
+    rotation, translation = calibration.right_from_left
+    places = []
+    for side in ('left', 'right'):
+        axis = np.array([0, 0, 0.1 / np.sin(np.radians(max(angle, 5)))])
+        point = axis if side == 'left' else rotation @ axis + translation
+        camera = getattr(calibration, side)
+        places.append(project(camera, point))
+        assert 0 <= places[-1][0] <= SIZE[0] - 1 and 0 <= places[-1][1] <= SIZE[1] - 1
+    assert places[0][1] == pytest.approx(places[1][1], abs=1e-6)
+    geometry = calibration.geometry
+    assert 250 < geometry.focal_x < 1000
+    black = np.zeros((*SIZE[::-1], 3), np.uint8)
+    pair = Rectifier(calibration).rectify(black, black)
+    assert min(pair.left_inside.mean(), pair.right_inside.mean()) > 0.6
+
+
+def test_views_that_fit_side_by_side_get_one_principal_point():
+    cameras = [CameraModel(name, *SIZE, 'plumb_bob', [], np.array(
+        [[2000.0, 0, center], [0, 600.0, 240], [0, 0, 1]]), np.eye(3), np.eye(3, 4))
+        for name, center in (('left', 320.0), ('right', 330.0))]
+    poor = tuple((np.eye(3), np.array([[1e5, 0, -1e6, shift], [0, 1e5, 240, 0], [0, 0, 1, 0.0]]))
+                 for shift in (0.0, -1e4))
+    (_, P_left), (_, P_right) = with_common_view(*cameras, np.eye(3), np.array([[-0.1], [0], [0]]),
+                                                 poor)
+    assert P_left[0, 2] == P_right[0, 2]
+    assert P_left[0, 0] == P_left[1, 1] == P_right[0, 0] == pytest.approx(600, rel=0.1)
+
+
+def test_cameras_that_see_nothing_in_common_are_refused():
+    with pytest.raises(CalibrationError, match='leave no view that both cameras share'):
+        converging(-30, 'plumb_bob')
+
+
 def test_an_impossible_size_is_refused():
     with pytest.raises(CalibrationError, match=r'size = 640, expected \(width, height\)'):
         StereoCalibration.from_arrays(640, K, D, K, D, np.eye(3), [-0.2, 0, 0])
@@ -262,7 +431,28 @@ def test_an_impossible_value_in_a_file_names_file_and_field(tmp_path):
     content['camera_matrix']['data'][0] = 0.0
     path.write_text(yaml.safe_dump(content))
     with pytest.raises(CalibrationError, match=r'left.yaml: left K\[0\] = 0.0 px'):
+        StereoCalibration.from_yaml(path, SCENES / 'solids_hue1' / 'right.yaml').check_raw()
+    content['projection_matrix']['data'][0] = 0.0
+    path.write_text(yaml.safe_dump(content))
+    with pytest.raises(CalibrationError, match=r'left.yaml: left P\[0\] = 0.0 px'):
         StereoCalibration.from_yaml(path, SCENES / 'solids_hue1' / 'right.yaml')
+
+
+@pytest.mark.parametrize('line, message', [
+    ('binning_x: 2', 'left binning_x = 2 is not supported'),
+    ('roi: {x_offset: 4, y_offset: 0, width: 64, height: 64, do_rectify: true}',
+     'left.yaml: left roi = 64 x 64 px')])
+def test_a_printed_message_of_a_part_of_the_image_is_refused(tmp_path, line, message):
+    path = tmp_path / 'left.yaml'
+    path.write_text(yaml.safe_dump(vars(LEFT)) + line)
+    with pytest.raises(CalibrationError, match=message):
+        StereoCalibration.from_yaml(path, path)
+
+
+@pytest.mark.parametrize('model', [[1], {'a': 1}, 7, None])
+def test_an_odd_distortion_model_is_refused(model):
+    with pytest.raises(CalibrationError, match='left distortion_model = .* is unknown'):
+        StereoCalibration.from_camera_info(camera_info(distortion_model=model), RIGHT).check_raw()
 
 
 def test_a_file_that_cannot_be_written_is_reported(tmp_path):

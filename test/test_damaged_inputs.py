@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from scenes import SCENES
+import yaml
 
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ColorStereoError, ImageError, RecordingError
@@ -186,3 +187,19 @@ def test_a_scene_with_random_damage_is_read_or_refused(scene, name, effort, figu
             refused += 1
             assert Path(name).stem in str(error) and not PYTHON_ONLY.search(str(error)), name
     figures(f'scenes with a damaged {name} refused', refused, 'scenes', over=seeds)
+
+
+@pytest.mark.parametrize('emptied', ['camera_matrix', 'rectification_matrix'])
+def test_process_measures_rectified_images_with_p_alone(scene, tmp_path, capfd, emptied):
+    for side in ('left', 'right'):
+        path = scene / f'{side}.yaml'
+        content = yaml.safe_load(path.read_text())
+        content[emptied]['data'] = [0.0] * 9
+        path.write_text(yaml.safe_dump(content))
+    words = ['process', scene / 'left.png', scene / 'right.png', '--calibration',
+             scene / 'left.yaml', scene / 'right.yaml', '--matching.method', 'paper',
+             '--range.min_depth', '0.22', '--range.max_depth', '0.62', '--output', tmp_path / 'out']
+    said = line_of(capfd, words)
+    assert 'left.yaml: left ' in said and 'already need P alone' in said
+    assert cli.main([str(word) for word in (*words, '--rectified')]) == 0
+    assert (tmp_path / 'out' / 'depth.tiff').exists()

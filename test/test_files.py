@@ -125,3 +125,73 @@ def test_a_camera_info_file_without_a_field_is_refused_by_its_name(tmp_path, fie
                                     field: value}))
     with pytest.raises(UnreadableError, match=f"has no usable field '{field}'"):
         read_camera_info(path)
+
+
+def dialect(name):
+    """Return the text of a camera_info of FIELDS as another program writes it."""
+    text = camera_info_text('left', FIELDS)
+    content = yaml.safe_load(text)
+    message = {'header': {'stamp': {'sec': 1, 'nanosec': 2}, 'frame_id': 'left_optical'},
+               'height': FIELDS['height'], 'width': FIELDS['width'],
+               'distortion_model': FIELDS['distortion_model']}
+    lower = {field.lower(): FIELDS[field] for field in 'DKRP'}
+    rows = '\n'.join
+    numbers = {field: ' '.join(map(str, FIELDS[field])) for field in 'DKRP'}
+    return {
+        'ROS': text,
+        'without a model': yaml.safe_dump({key: value for key, value in content.items()
+                                           if key != 'distortion_model'}),
+        'camera_model': text.replace('distortion_model:', 'camera_model:'),
+        'camera_model: pinhole': text.replace('distortion_model: plumb_bob',
+                                              'camera_model: pinhole'),
+        'OpenCV': '%YAML:1.0\n---\n' + text.replace('matrix:', 'matrix: !!opencv-matrix').replace(
+            'coefficients:', 'coefficients: !!opencv-matrix'),
+        'OpenCV without ---': '%YAML:1.0\n' + text,
+        'ros2 topic echo': yaml.safe_dump({**message, **lower}) + '---\n',
+        'ros2 topic echo, twice': (yaml.safe_dump({**message, **lower}) + '---\n') * 2,
+        'rostopic echo': yaml.safe_dump({**message, **{f: FIELDS[f] for f in 'DKRP'}}) + '---\n',
+        'INI': rows(['# oST version 5.0 parameters', '', '', '[image]', '', 'width',
+                     str(FIELDS['width']), '', 'height', str(FIELDS['height']), '', '[left]', '',
+                     'camera matrix', numbers['K'], '', 'distortion', numbers['D'], '',
+                     'rectification', numbers['R'], '', 'projection', numbers['P'], ''])}[name]
+
+
+@pytest.mark.parametrize('name', [
+    'ROS', 'without a model', 'camera_model', 'camera_model: pinhole', 'OpenCV',
+    'OpenCV without ---', 'ros2 topic echo', 'ros2 topic echo, twice', 'rostopic echo', 'INI'])
+def test_a_camera_info_is_read_in_the_dialects_of_other_programs(tmp_path, name):
+    path = tmp_path / 'left.yaml'
+    path.write_text(dialect(name))
+    found = read_camera_info(path)
+    numbers = {field: [float(value) for value in found[field]] for field in 'DKRP'}
+    assert {**found, **numbers} == FIELDS
+
+
+@pytest.mark.parametrize('text, words', [
+    ('cam0:\n  camera_model: pinhole\n', 'is a Kalibr camchain.*from_arrays makes'),
+    ('%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 1\n   data: [1.]\n', "holds OpenCV's M1"),
+    ('width: 4\nheight: 4\n', "has no usable field 'd'"),
+    ('camera matrix\n1 2 3\n', "has no usable field 'width'"),
+    ('width\n4\nheight\nx\ncamera matrix\n1\nrectification\n1\nprojection\n1\n', 'whole pixels'),
+    ('camera matrix\n1 2 3\ncamera matrix\n1 2 3\n', 'holds several cameras, expected one')])
+def test_other_files_are_named(tmp_path, text, words):
+    path = tmp_path / 'left.yaml'
+    path.write_text(text)
+    with pytest.raises(UnreadableError, match=words):
+        read_camera_info(path)
+
+
+def test_different_camera_infos_in_one_file_are_refused(tmp_path):
+    path = tmp_path / 'left.yaml'
+    text = dialect('ros2 topic echo')
+    path.write_text(text + text.replace(f'width: {FIELDS["width"]}', 'width: 320'))
+    with pytest.raises(UnreadableError, match='holds 2 different camera_infos, expected one'):
+        read_camera_info(path)
+
+
+@pytest.mark.parametrize('line', ['roi: x', 'roi: {x_offset: a}', 'roi: {1: 2}', 'binning_x: a'])
+def test_an_odd_window_of_a_printed_message_is_named(tmp_path, line):
+    path = tmp_path / 'left.yaml'
+    path.write_text(dialect('ros2 topic echo').replace('---', line))
+    with pytest.raises(UnreadableError, match='has no usable field .(roi|binning_x)'):
+        read_camera_info(path)

@@ -220,8 +220,8 @@ INFO_FAULTS = {
     'K all zero': ('right', fields(k=[0.0] * 9), 'right K[0] = 0.0 px: the camera is not'),
     'D NaN': ('left', fields(d=[NAN] + [0.0] * 4), 'left D[0] = nan is not a finite number'),
     'D infinite': ('right', fields(d=[0.0] * 4 + [INF]), 'right D[4] = inf'),
-    'D too short': ('left', fields(d=[0.1, 0.2]), 'left D has 2 values, expected'),
-    'D too long': ('left', fields(d=[0.0] * 9), 'left D has 9 values, expected'),
+    'D too long': ('left', fields(d=[0.0] * 8 + [0.1]), 'left D[8] = 0.1, but distortion_model '
+                   'plumb_bob has 5 coefficients'),
     'distortion model unknown': ('left', fields(distortion_model='kannala'),
                                  "left distortion_model = 'kannala' is unknown"),
     'distortion model empty': ('right', fields(distortion_model=''),
@@ -244,6 +244,11 @@ INFO_FAULTS = {
     'P[7] not zero': ('right', entry('p', 7, -4.0), 'right P[7] = -4.0 px m: cameras above'),
     'left P[3] not zero': ('left', entry('p', 3, -4.0), 'left P[3] = -4.0 px m, expected 0: are '
                            'left and right camera swapped?'),
+    'the same P[3]': ('left', entry('p', 3, -3.6), 'no baseline between them'),
+    'vertical': ('right', lambda camera: {'p': [*camera.P.ravel()[:3], 0.0, *camera.P.ravel()[4:7],
+                                                -3.6, 0.0, 0.0, 1.0, 0.0]},
+                 'Vertical stereo is not supported: turn both cameras'),
+    'too small': ('left', fields(width=3), 'left width = 3 px is not an image size'),
     'focal lengths differ': ('right', entry('p', 0, 70.0), 'a rectified pair has one focal'),
     'rows differ': ('right', entry('p', 6, 3.0), 'a rectified pair has one principal row cy'),
     'width zero': ('left', fields(width=0), 'left width = 0 px'),
@@ -267,6 +272,67 @@ def test_an_impossible_calibration_is_refused_with_its_value(rig, kind):
     rig.send_pair(infos=False)
     rig.spin(0.05)
     assert rig.stamps(DEPTH) == before, 'a pair was measured without a calibration'
+
+
+def shifted(by):
+    """Return a change of P[3]: the projection belongs to another reference camera."""
+    return lambda camera: {'p': [*camera.P.ravel()[:3], camera.P[0, 3] + by,
+                                 *camera.P.ravel()[4:]]}
+
+
+INFO_VARIANTS = {
+    'D too short': (False, fields(d=[0.0, 0.0])),
+    'D with zeros at the end': (False, fields(d=[0.0] * 14)),
+    'rounding dust in K': (False, entry('k', 3, 1e-14)),
+    'rounding dust in P': (False, entry('p', 7, -1e-14)),
+    'a third camera as the reference': (False, shifted(-7.2)),
+    'rectified, no model': (True, fields(distortion_model='', d=[])),
+    'rectified, no K': (True, fields(k=[0.0] * 9)),
+    'rectified, no R': (True, fields(r=[0.0] * 9))}
+
+
+@pytest.mark.parametrize('kind', INFO_VARIANTS)
+def test_a_calibration_that_is_written_in_another_way_gives_the_same_depth(rig, kind):
+    rectified, change = INFO_VARIANTS[kind]
+    assert rig.set_parameters(input__rectified=rectified).successful
+    for side in ('left', 'right'):
+        camera = getattr(rig.calibration, side)
+        rig.send_info(side, info_message(camera, **change(camera)))
+    rig.diagnose(lambda p: p['calibration'].message == 'calibrated', 'calibrated')
+    stamp = rig.send_pair(infos=False)
+    assert bytes(rig.await_output(DEPTH, stamp).data) == depth_of(rig)
+    back_to_raw(rig)
+
+
+def back_to_raw(rig):
+    """Send the whole calibration and let the node rectify again."""
+    rig.send_infos()
+    rig.diagnose(lambda p: p['calibration'].message == 'calibrated', 'calibrated')
+    assert_good(rig)
+    assert rig.set_parameters(input__rectified=False).successful
+
+
+def test_a_calibration_of_p_alone_is_taken_as_soon_as_the_input_is_rectified(rig):
+    for side in ('left', 'right'):
+        rig.send_info(side, info_message(getattr(rig.calibration, side), k=[0.0] * 9))
+    assert_told(rig, 'calibration', DiagnosticStatus.ERROR, 'rectified already need P alone')
+    assert rig.set_parameters(input__rectified=True).successful
+    rig.diagnose(lambda p: p['calibration'].message == 'calibrated', 'calibrated')
+    stamp = rig.send_pair(infos=False)
+    assert bytes(rig.await_output(DEPTH, stamp).data) == depth_of(rig)
+    refused = rig.set_parameters(input__rectified=False)
+    assert not refused.successful and 'left K[0] = 0.0 px' in refused.reason
+    back_to_raw(rig)
+
+
+def test_points_in_the_frame_of_the_camera_need_r(rig):
+    assert rig.set_parameters(input__rectified=True).successful
+    for side in ('left', 'right'):
+        rig.send_info(side, info_message(getattr(rig.calibration, side), r=[0.0] * 9))
+    rig.diagnose(lambda p: p['calibration'].message == 'calibrated', 'calibrated')
+    refused = rig.set_parameters(output__frame='camera')
+    assert not refused.successful and 'output.frame = camera needs R' in refused.reason
+    back_to_raw(rig)
 
 
 def test_swapped_cameras_are_told(rig):

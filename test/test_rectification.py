@@ -3,7 +3,7 @@
 
 from dataclasses import replace
 
-from color_stereo_ros.core import ColorStereo, ImageError, StereoCalibration
+from color_stereo_ros.core import ColorStereo, ImageError, Settings, StereoCalibration
 from color_stereo_ros.core.cameras.lenses import Lens, LENSES
 from color_stereo_ros.core.cameras.rectification import (
     FAR_OUTSIDE, inside_image, raw_coordinates, Rectifier)
@@ -90,6 +90,80 @@ def test_a_lens_that_knows_nothing_of_itself_chooses_the_views_of_a_pinhole_pair
     for (R, P), camera in zip(views, (straight.left, straight.right)):
         np.testing.assert_array_equal(R, camera.R)
         np.testing.assert_array_equal(P, camera.P)
+
+
+SKEWED = {side: np.array([[150.0, skew, 78.0], [0, 152.0, 61.0], [0, 0, 1]])
+          for side, skew in (('left', -1.4), ('right', 4.3))}
+
+
+def skewed_rig(model):
+    """Return a verged rig whose cameras have skew."""
+    rotation, translation = rig(model).right_from_left
+    return StereoCalibration.from_arrays(
+        SIZE, SKEWED['left'], MODELS[model], SKEWED['right'], MODELS[model], rotation, translation,
+        distortion_model=model)
+
+
+@pytest.mark.parametrize('side', ['left', 'right'])
+@pytest.mark.parametrize('model', MODELS)
+def test_skew_moves_the_raw_pixels(model, side):
+    camera = getattr(skewed_rig(model), side)
+    straight = replace(camera, K=np.array([[150.0, 0, 78.0], [0, 152.0, 61.0], [0, 0, 1]]))
+    x, y = raw_coordinates(camera)
+    for row, column in ((10, 20), (60, 80), (110, 140)):
+        ray = np.linalg.solve(camera.P[:, :3] @ camera.R, [column, row, 1.0])
+        u, v = raw_pixel(straight, ray)
+        # [fx s cx] (x, y, 1): s y with y = (v - cy) / fy
+        u += SKEWED[side][0, 1] * (v - 61.0) / 152.0
+        np.testing.assert_allclose((x[row, column], y[row, column]), (u, v), atol=2e-3)
+
+
+@pytest.mark.parametrize('model', MODELS)
+def test_a_lens_undoes_the_skew(model):
+    lens, K_skewed = LENSES[model], SKEWED['right']
+    D = np.array(MODELS[model])
+    rays = np.random.default_rng(1).uniform(-0.4, 0.4, (50, 2))
+    pixels = lens.distort(rays, D) @ K_skewed[:2, :2].T + K_skewed[:2, 2]
+    np.testing.assert_allclose(lens.undistort(pixels, K_skewed, D), rays, atol=1e-6)
+    np.testing.assert_allclose(Derived(lens).undistort(pixels, K_skewed, D), rays, atol=1e-6)
+    camera = skewed_rig(model).right
+    for ours, opencv in zip(Derived(lens).rectifying_map(camera), lens.rectifying_map(camera)):
+        np.testing.assert_allclose(ours, opencv, atol=1e-3)
+
+
+@pytest.mark.parametrize('method', ['surface', 'paper'])
+@pytest.mark.parametrize('model', MODELS)
+def test_a_card_seen_by_skewed_cameras_is_where_it_is(model, method):
+    K_of = {side: np.array([[300.0, skew, 160.0 + shift], [0, 300, 119.0 + shift], [0, 0, 1]])
+            for side, skew, shift in (('left', -1.4, 0.0), ('right', 4.3, 1.5))}
+    cameras = [replace(camera, K=K_of[camera.name], D=0.4 * np.array(MODELS[model]),
+                       distortion_model=model)
+               for camera in (parallel_rig(320, 240, 300.0).left,
+                              parallel_rig(320, 240, 300.0).right)]
+    calibration = StereoCalibration(*cameras)
+    geometry = calibration.geometry
+    images = [card(camera, shift) for camera, shift in zip(cameras, (0.0, geometry.baseline))]
+    limits = {'range.min_depth': 0.35, 'range.max_depth': 0.8, 'matching.method': method}
+    depth = ColorStereo(calibration, Settings().updated(limits)).process(*images).depth
+    for rows in (slice(0, 50), slice(95, 145), slice(190, 240)):
+        assert np.nanmedian(depth[rows]) == pytest.approx(0.5, abs=2e-4)
+
+
+def card(camera, shift):
+    """Return what a camera with R = I sees of a colored card at Z = 0.5 m; shift: its X, m."""
+    pixels = np.indices((camera.height, camera.width))[::-1].reshape(2, -1).T.astype(float)
+    K_camera, lens = camera.K, LENSES[camera.distortion_model]
+    y = (pixels[:, 1] - K_camera[1, 2]) / K_camera[1, 1]
+    x = (pixels[:, 0] - K_camera[0, 2] - K_camera[0, 1] * y) / K_camera[0, 0]
+    rays = lens.undistort(np.stack([x, y], axis=1), np.eye(3), camera.D)
+    place = (rays * 0.5 + [shift, 0]) * 1200 + 500
+    field = cv2.GaussianBlur(np.random.default_rng(5).normal(size=(1000, 1000, 2)).astype(
+        np.float32), (0, 0), 8)
+    hue = np.arctan2(field[..., 0], field[..., 1])
+    colors = np.stack([110 + 90 * np.cos(hue + turn) for turn in (0, 2.1, 4.2)], axis=-1)
+    place = place.reshape(camera.height, camera.width, 2).astype(np.float32)
+    return np.rint(cv2.remap(colors.astype(np.float32), place, None, cv2.INTER_LINEAR,
+                             borderMode=cv2.BORDER_REFLECT)).astype(np.uint8)
 
 
 @pytest.mark.parametrize('model', MODELS)

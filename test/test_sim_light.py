@@ -54,6 +54,24 @@ def test_a_distorted_camera_undistorted_by_opencv_agrees_with_a_straight_one(mod
     assert np.abs(distorted - straight).mean() > 0.05 * scale
 
 
+@pytest.mark.parametrize('model, coefficients', [DISTORTIONS[0], DISTORTIONS[3]])
+def test_skew_moves_what_a_camera_sees(model, coefficients):
+    pattern = smooth_pattern(96, 128)
+    lens = {'distortion_model': model, 'distortion': coefficients}
+    straight = left_radiance(scene_of(CARD, BALL, rig=small_rig(**lens)), pattern)
+    scene = scene_of(CARD, BALL, rig=small_rig(skew=9.0, **lens))
+    camera, skewed = scene.rig.left, left_radiance(scene, pattern)
+    assert scene.rig.calibration.left.K[0, 1] == 9.0
+    y, x = np.indices(camera.shape, np.float32)
+    # u = fx x + s y + cx
+    moved = x + np.float32(9.0) * (y - np.float32(camera.K[1, 2])) / np.float32(camera.K[1, 1])
+    inside = cv2.remap(np.ones(camera.shape), moved, y, cv2.INTER_LINEAR) == 1
+    restored = cv2.remap(skewed, moved, y, cv2.INTER_CUBIC)
+    assert inside.mean() > 0.9
+    assert np.median(np.abs(restored - straight)[inside]) < 0.02 * straight.mean()
+    assert np.abs(skewed - straight).mean() > 0.05 * straight.mean()
+
+
 @pytest.mark.parametrize('model', LENSES)
 def test_a_camera_without_coefficients_has_a_calibration_of_its_model(model):
     calibration = scene_of(rig=small_rig(distortion_model=model)).rig.calibration

@@ -178,15 +178,15 @@ def facts_of(args):
 
 def parsed_settings(assignments):
     """Return flat settings from `NAME=VALUE` texts, values read as YAML."""
-    import yaml
+    from ..files.yaml import parse_yaml, UnreadableError
     values = {}
     for text in assignments:
         name, equals, value = text.partition('=')
         if not equals:
             raise SettingsError(f'--set {text!r} is no NAME=VALUE')
         try:
-            values[name.strip()] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
+            values[name.strip()] = parse_yaml(value)
+        except UnreadableError as error:
             raise SettingsError(f'--set {text!r}: the value is no YAML') from error
     return values
 

@@ -4,6 +4,7 @@
 from contextlib import contextmanager
 import os
 from pathlib import Path
+import struct
 import sys
 import tempfile
 
@@ -14,11 +15,15 @@ from .atomic import write_bytes
 
 HALF_READ = ('premature', 'corrupt')
 """Words by which a decoder tells that it has filled up what the file does not hold."""
+WITH_OTHER_SAMPLES = (b'II*\0', b'MM\0*', b'II+\0', b'MM\0+', b'#?', b'PF', b'Pf')
+"""First bytes of formats (TIFF, Radiance, PFM) that may hold floating-point numbers."""
+ORIENTATION = 274  # the tag of TIFF and EXIF
+MOST_TAGS = 10000
 
 
 def read_image(path):
     """
-    Read an image file.
+    Read an image file; tags that say how the camera was held are ignored.
 
     Parameters
     ----------
@@ -27,18 +32,22 @@ def read_image(path):
     Returns
     -------
     image : numpy.ndarray, uint8, shape (H, W, 3)
-        RGB; a gray file has three equal channels, of 16 bits the upper 8 count.
+        RGB, the pixels as they are stored, because a calibration belongs to these. A gray file
+        has three equal channels, of 16 bits the upper 8 count.
 
     Raises
     ------
     RecordingError
         If the file cannot be read.
     ImageError
-        If it is no image, or a damaged one.
+        If it is no image, a damaged one, or one of other samples than 8 or 16 bits.
 
     """
     import cv2
-    return cv2.cvtColor(read_image_as_is(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    data = _content(path)
+    if data.startswith(WITH_OTHER_SAMPLES):
+        _refuse_other_samples(path, data)
+    return cv2.cvtColor(_decoded(path, data, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
 
 
 def read_image_as_is(path, flags=-1):
@@ -49,30 +58,86 @@ def read_image_as_is(path, flags=-1):
     ----------
     path : path-like
     flags : int
-        Of cv2.imdecode; the default is cv2.IMREAD_UNCHANGED.
+        Of cv2.imdecode; the default is cv2.IMREAD_UNCHANGED. Tags that say how the camera was
+        held are ignored in any case.
 
     Returns
     -------
     image : numpy.ndarray
 
     """
-    import cv2
+    return _decoded(path, _content(path), flags)
+
+
+def _content(path):
+    """Return the bytes of an image file."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
         raise RecordingError(f'{path}: {error.strerror}') from error
     if not data:
         raise ImageError(f'{path}: the file is empty')
-    with _captured_complaints() as complaints:
-        try:
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-        except cv2.error:  # an image of a size that nothing can hold
-            image = None
+    return data
+
+
+def _decoded(path, data, flags):
+    """Return the image in the bytes of a file."""
+    image, complaints = _tried(data, flags)
     if image is None:
         raise ImageError(f'{path}: damaged, or no image of a known format')
-    if _is_cut_off_jpeg(data) or any(word in complaints[0].lower() for word in HALF_READ):
+    if _is_cut_off_jpeg(data) or any(word in complaints.lower() for word in HALF_READ):
         raise ImageError(f'{path}: damaged or only half written')
     return image
+
+
+def _tried(data, flags):
+    """Return the image in bytes, or None, and what the decoder complains of."""
+    import cv2
+    if flags != cv2.IMREAD_UNCHANGED:
+        flags |= cv2.IMREAD_IGNORE_ORIENTATION  # without it OpenCV obeys EXIF
+    with _captured_complaints() as complaints:
+        try:
+            image = cv2.imdecode(np.frombuffer(_not_turned(data), np.uint8), flags)
+        except cv2.error:  # an image of a size that nothing can hold
+            image = None
+    return image, complaints[0]
+
+
+def _refuse_other_samples(path, data):
+    """Refuse floating-point and 32-bit images by name: the decoder clips them, or fails."""
+    import cv2
+    image, _ = _tried(data, cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype in (np.uint8, np.uint16):
+        return
+    kind = 'float' if image.dtype.kind == 'f' else 'signed integer'
+    raise ImageError(f'{path}: {8 * image.dtype.itemsize}-bit {kind}: 8 or 16 bits are expected')
+
+
+def _not_turned(data):
+    """
+    Return the bytes of an image without the orientation that a TIFF may have.
+
+    OpenCV obeys the tag of a TIFF whatever the flags say.
+
+    """
+    kinds = {b'*': ('I', 4, 'H', 12, 8), b'+': ('Q', 8, 'Q', 20, 12)}  # TIFF, BigTIFF
+    order = {b'II': '<', b'MM': '>'}.get(data[:2])
+    version = data[2:4].strip(b'\0')
+    if order is None or version not in kinds:
+        return data
+    offset, place, count, size, value = kinds[version]
+    try:
+        first, = struct.unpack_from(order + offset, data, place)
+        entries, = struct.unpack_from(order + count, data, first)
+        first += struct.calcsize(order + count)
+        for entry in range(first, first + size * min(entries, MOST_TAGS), size):
+            if struct.unpack_from(order + 'H', data, entry)[0] == ORIENTATION:
+                changed = bytearray(data)
+                struct.pack_into(order + 'H', changed, entry + value, 1)
+                return bytes(changed)
+    except struct.error:  # cut off: the decoder says so
+        pass
+    return data
 
 
 def write_image(path, image):

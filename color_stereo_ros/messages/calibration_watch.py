@@ -4,6 +4,7 @@
 import time
 
 from ..core.cameras.calibration import StereoCalibration
+from ..core.cameras.checks import check_rotation
 from ..errors import CalibrationError
 from .synchronizer import SIDES
 
@@ -23,11 +24,14 @@ class CalibrationWatch:
         Called without arguments when calibration or verdict have changed.
     clock : callable
         Returns s; only its differences matter.
+    check : callable
+        Called with a StereoCalibration that could be used; refuses it by a CalibrationError.
 
     """
 
-    def __init__(self, on_change, clock=time.monotonic):
+    def __init__(self, on_change, clock=time.monotonic, check=StereoCalibration.check_raw):
         self._on_change = on_change
+        self._check = check
         self._clock = clock
         self._infos = dict.fromkeys(SIDES)
         self._contents = dict.fromkeys(SIDES)
@@ -83,11 +87,18 @@ class CalibrationWatch:
         self._settling = (other, self._clock() + _SETTLING)
         self._on_change()
 
+    def review(self):
+        """Judge messages that were refused once more: what they are used for has changed."""
+        if self.error is not None:
+            self._settle()
+
     def _settle(self):
         self._settling = None
         left, right = (self._infos[side] for side in SIDES)
         try:
-            self.calibration = StereoCalibration.from_camera_info(left, right)
+            calibration = StereoCalibration.from_camera_info(left, right)
+            self._check(calibration)
+            self.calibration = calibration
             self.error = None
             self.changes += 1
         except CalibrationError as error:
@@ -95,6 +106,29 @@ class CalibrationWatch:
             self.error = str(error)
         self.warnings = _oddities(left)
         self._on_change()
+
+
+def check_use(calibration, settings):
+    """
+    Refuse a calibration that lacks what a node needs of it.
+
+    Parameters
+    ----------
+    calibration : StereoCalibration
+    settings : RangeNodeSettings
+
+    Raises
+    ------
+    CalibrationError
+        Raw images need all of it. Rectified ones need P, and R for points in the frame of the
+        physical camera.
+
+    """
+    if not settings.input.rectified:
+        calibration.check_raw()
+    elif settings.output.frame == 'camera':
+        check_rotation('output.frame = camera needs R of the left camera_info: left R',
+                       calibration.left.R)
 
 
 def _content(info):

@@ -10,7 +10,7 @@ outputs hold the same values.
 from collections import deque
 
 from ..core import ColorStereo, ColorStereoError, RecordingError
-from ..messages.calibration_watch import CalibrationWatch
+from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import Header, Image
 from ..messages.outputs import Context, OUTPUTS
 from ..messages.reading import image_to_rgb, stamp_ns
@@ -50,7 +50,9 @@ class OfflineSensor:
         self._now = 0
         self._synchronizer = Synchronizer(settings.sync.tolerance, settings.sync.queue_size,
                                           clock=self._clock)
-        self._watch = CalibrationWatch(self._recalibrate, clock=self._clock)
+        self._watch = CalibrationWatch(
+            self._recalibrate, clock=self._clock,
+            check=lambda calibration: check_use(calibration, settings))
         self._stereo = None
         self._waiting = deque(maxlen=WAITING)
         self.measured = 0

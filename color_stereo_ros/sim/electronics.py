@@ -63,8 +63,9 @@ def _optics(radiance, camera):
         light = cv2.GaussianBlur(light, (0, 0), camera.lens_blur)
     if camera.vignetting > 0:
         y, x = np.indices(camera.shape, np.float64)
-        square = (((x - camera.K[0, 2]) / camera.K[0, 0]) ** 2
-                  + ((y - camera.K[1, 2]) / camera.K[1, 1]) ** 2)
+        y = (y - camera.K[1, 2]) / camera.K[1, 1]
+        x = (x - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
+        square = x ** 2 + y ** 2
         natural = 1 / (1 + square) ** 2  # cos^4 of the angle to the axis
         light = light * (1 - camera.vignetting * (1 - natural))[..., None]
     return light

@@ -6,6 +6,8 @@ from difflib import get_close_matches
 import math
 from pathlib import Path
 
+from color_stereo_ros.files.yaml import about_number
+
 from .errors import SceneError
 
 _MISSING = object()
@@ -62,8 +64,8 @@ class Reader:
         """Return a finite float within limits."""
         value = self.value
         if isinstance(value, bool) or not isinstance(value, (int, float)) \
-                or not math.isfinite(value) or not minimum <= value <= maximum:
-            self.fail(f'a number {minimum:g} .. {maximum:g}')
+                or not abs(value) < math.inf or not minimum <= value <= maximum:
+            self.fail(f'a number {minimum:g} .. {maximum:g}{about_number(value)}')
         return float(value)
 
     def integer(self, minimum, maximum):

@@ -67,6 +67,13 @@ class Camera:
         """Return the Lens of the distortion model."""
         return LENSES[self.distortion_model]
 
+    def pixels(self, distorted):
+        """Return column and row of distorted coordinates (N, 2), float64 (N,) each, px."""
+        column = distorted[:, 0] * self.K[0, 0]
+        if self.K[0, 1]:
+            column = column + distorted[:, 1] * self.K[0, 1]
+        return column + self.K[0, 2], distorted[:, 1] * self.K[1, 1] + self.K[1, 2]
+
 
 @dataclass(frozen=True, eq=False)
 class Projector:
@@ -155,13 +162,14 @@ def _overlaid(node, defaults):
 
 def read_camera(name, node):
     """Return the Camera of a mapping; see docs/simulation.md for the fields."""
-    node.only('width', 'height', 'focal', 'center', 'distortion_model', 'distortion', 'position',
-              'rotation', 'exposure', 'sensitivity', 'crosstalk', 'vignetting', 'lens_blur',
-              'bayer', 'demosaicing', 'full_well', 'read_noise', 'speckle', 'dark_level',
-              'response', 'bits')
+    node.only('width', 'height', 'focal', 'center', 'skew', 'distortion_model', 'distortion',
+              'position', 'rotation', 'exposure', 'sensitivity', 'crosstalk', 'vignetting',
+              'lens_blur', 'bayer', 'demosaicing', 'full_well', 'read_noise', 'speckle',
+              'dark_level', 'response', 'bits')
     width, height = (node.get(field).integer(8, 8192) for field in ('width', 'height'))
     focal = node.get('focal').pair(1.0, 1e5)
     center = node.get('center', [(width - 1) / 2, (height - 1) / 2]).vector(2)
+    skew = node.get('skew', 0.0).number(-1e4, 1e4)
     model = node.get('distortion_model', 'plumb_bob').choice(LENSES)
     distortion = [item.number() for item in node.get('distortion', []).items()]
     lengths = LENSES[model].lengths
@@ -171,7 +179,7 @@ def read_camera(name, node):
         distortion = [0.0] * lengths[-1]
     return Camera(
         name=name, width=width, height=height,
-        K=np.array([[focal[0], 0, center[0]], [0, focal[1], center[1]], [0, 0, 1]]),
+        K=np.array([[focal[0], skew, center[0]], [0, focal[1], center[1]], [0, 0, 1]]),
         distortion_model=model, D=np.array(distortion, np.float64), pose=read_pose(node),
         **_read_electronics(node))
 

@@ -152,9 +152,8 @@ def pixel_index(camera, rays):
     # Beyond the corners a distortion polynomial may fold back into the image.
     reach = np.abs(camera.lens.undistort(_border(camera), camera.K, camera.D))
     regular = (np.abs(rays) <= 1.001 * reach.max(axis=0)).all(axis=1)
-    points = camera.lens.distort(rays, camera.D)
-    column = np.floor(points[:, 0] * camera.K[0, 0] + camera.K[0, 2] + 0.5)
-    row = np.floor(points[:, 1] * camera.K[1, 1] + camera.K[1, 2] + 0.5)
+    column, row = (np.floor(each + 0.5)
+                   for each in camera.pixels(camera.lens.distort(rays, camera.D)))
     inside = (regular & (column >= 0) & (column < camera.width)
               & (row >= 0) & (row < camera.height))
     index = np.full(len(rays), -1, np.int32)

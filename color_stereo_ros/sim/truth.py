@@ -91,9 +91,7 @@ def inside_image(camera, points):
     local = camera.pose.to_child(points)
     ahead = local[:, 2] > 1e-6
     rays = local[:, :2] / np.where(ahead, local[:, 2], 1.0)[:, None]
-    spot = camera.lens.distort(rays, camera.D)
-    column = spot[:, 0] * camera.K[0, 0] + camera.K[0, 2]
-    row = spot[:, 1] * camera.K[1, 1] + camera.K[1, 2]
+    column, row = camera.pixels(camera.lens.distort(rays, camera.D))
     return (ahead & (np.abs(column - (camera.width - 1) / 2) <= (camera.width - 1) / 2 + BORDER)
             & (np.abs(row - (camera.height - 1) / 2) <= (camera.height - 1) / 2 + BORDER))
 

@@ -3,16 +3,18 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 
 from ...errors import CalibrationError
 from ...files.atomic import write_text
-from ...files.camera_info import camera_info_text, read_camera_info
+from ...files.camera_info import camera_info_text, read_camera_info, WINDOW
 from ...files.yaml import UnreadableError
 from . import checks
+from .common_view import with_common_view
 from .geometry import RectifiedGeometry
-from .lenses import LENSES
+from .lenses import coefficients_of, LENSES
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +25,8 @@ class CameraModel:
     Raises
     ------
     CalibrationError
-        When built with a value that no calibrated camera has; names field and value.
+        When built with a size or a P that no rectified camera has, or a field of a wrong length;
+        names field and value. K, D, R and the lens model are judged by `check_raw`.
 
     """
 
@@ -42,20 +45,52 @@ class CameraModel:
     R: np.ndarray
     """float64 (3, 3), rotates physical camera coordinates into rectified ones."""
     P: np.ndarray
-    """float64 (3, 4), projection of the rectified camera; P[0, 3] = -focal_x * baseline."""
+    """
+    float64 (3, 4), projection of the rectified camera.
+
+    P[0, 3] of the right camera less that of the left one is -focal_x * baseline.
+    """
+    source: str = ''
+    """The file from which the camera was read, for error messages; empty = no file."""
 
     def __post_init__(self):
-        """Convert to float64 arrays of the right shapes and refuse impossible values."""
+        """Convert to float64 arrays of the right shapes; refuse an impossible size or P."""
         for field, shape in (('D', (-1,)), ('K', (3, 3)), ('R', (3, 3)), ('P', (3, 4))):
-            object.__setattr__(self, field, checks.matrix(
-                f'{self.name} {field}', getattr(self, field), shape))
+            self._keep(field, checks.matrix(f'{self.name} {field}', getattr(self, field), shape))
+        for field in 'KP':
+            self._keep(field, checks.without_dust(getattr(self, field)))
+        model = self.distortion_model
+        if isinstance(model, str) and model in LENSES and np.isfinite(self.D).all():
+            self._keep('D', coefficients_of(LENSES[model], self.D))
+        for field in 'DKRP':
+            getattr(self, field).setflags(write=False)
         checks.check_size(self)
-        checks.check_distortion(self)
-        checks.check_intrinsics(self)
-        checks.check_rotation(f'{self.name} R', self.R)
         checks.check_projection(self)
         for field in ('width', 'height'):
-            object.__setattr__(self, field, int(getattr(self, field)))
+            self._keep(field, int(getattr(self, field)))
+
+    def _keep(self, field, value):
+        object.__setattr__(self, field, value)
+
+    def check_raw(self):
+        """
+        Refuse K, D, R or a lens model from which no raw image can be rectified.
+
+        Drivers of rectified images leave them empty. Such a camera serves rectified images.
+
+        Raises
+        ------
+        CalibrationError
+            Names file, field and value.
+
+        """
+        try:
+            checks.check_raw(self)
+        except CalibrationError as error:
+            place = f'{self.source}: ' if self.source else ''
+            advice = ('; images that are rectified already need P alone: say so by '
+                      'input.rectified or --rectified' if checks.says_no_raw_camera(self) else '')
+            raise CalibrationError(f'{place}{error}{advice}') from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +122,19 @@ class StereoCalibration:
             width=self.left.width, height=self.left.height,
             focal_x=float(left[0, 0]), focal_y=float(left[1, 1]),
             center_x_left=float(left[0, 2]), center_x_right=float(right[0, 2]),
-            center_y=float(left[1, 2]), baseline=float(-right[0, 3] / right[0, 0]))
+            center_y=float(left[1, 2]), baseline=float((left[0, 3] - right[0, 3]) / right[0, 0]))
+
+    def check_raw(self):
+        """
+        Refuse a pair whose raw images cannot be rectified; see `CameraModel.check_raw`.
+
+        Raises
+        ------
+        CalibrationError
+
+        """
+        self.left.check_raw()
+        self.right.check_raw()
 
     @property
     def right_from_left(self):
@@ -97,6 +144,7 @@ class StereoCalibration:
         X_right = R X_left + t.
 
         """
+        self.check_raw()
         # Rectified frames differ by the baseline only: R_r X_right = R_l X_left - (B, 0, 0)
         rotation = self.right.R.T @ self.left.R
         return rotation, -self.right.R.T @ np.array([self.geometry.baseline, 0.0, 0.0])
@@ -104,7 +152,7 @@ class StereoCalibration:
     @classmethod
     def from_yaml(cls, left, right):
         """
-        Read two ROS camera_info YAML files.
+        Read two ROS camera_info YAML files, or what `files.camera_info` reads besides.
 
         Parameters
         ----------
@@ -117,7 +165,8 @@ class StereoCalibration:
         Raises
         ------
         CalibrationError
-            If a file cannot be read, is no calibration, or holds impossible values.
+            If a file cannot be read, is no calibration, or holds an impossible size or P. K, D
+            and R are judged when raw images are to be rectified: see `check_raw`.
 
         """
         return cls(_camera_from_yaml('left', left), _camera_from_yaml('right', right))
@@ -140,7 +189,8 @@ class StereoCalibration:
         Raises
         ------
         CalibrationError
-            If a value is impossible, or the image is binned or a part of the calibrated one.
+            If size or P are impossible, or the image is binned or a part of the calibrated one.
+            K, D and R are judged when raw images are to be rectified: see `check_raw`.
 
         """
         for name, info in (('left', left), ('right', right)):
@@ -177,7 +227,7 @@ class StereoCalibration:
         Raises
         ------
         CalibrationError
-            If a value is impossible.
+            If a value is impossible, or the cameras see nothing in common.
 
         """
         distortion = [() if D is None else np.ravel(D) for D in (D_left, D_right)]
@@ -188,8 +238,11 @@ class StereoCalibration:
         raw = [CameraModel(name, *checks.checked_size(size), distortion_model, D, K, np.eye(3),
                            np.eye(3, 4))
                for name, D, K in zip(('left', 'right'), distortion, (K_left, K_right))]
+        for camera in raw:
+            camera.check_raw()
         rotation, translation = checks.checked_motion(R, t)
-        rectified = LENSES[distortion_model].rectified_views(*raw, rotation, translation)
+        views = LENSES[distortion_model].rectified_views(*raw, rotation, translation)
+        rectified = with_common_view(*raw, rotation, translation, views)
         return cls(*(CameraModel(camera.name, camera.width, camera.height, distortion_model,
                                  camera.D, camera.K, R_rect, P)
                      for camera, (R_rect, P) in zip(raw, rectified)))
@@ -225,7 +278,13 @@ def _camera_from_yaml(name, path):
     except UnreadableError as error:
         raise CalibrationError(f'{name} calibration {path} {error}') from error
     try:
-        return CameraModel(name, **fields)
+        window = {field: fields.pop(field) for field in WINDOW if field in fields}
+        if isinstance(window.get('roi'), dict):
+            window['roi'] = SimpleNamespace(**window['roi'])
+        camera = CameraModel(name, **fields, source=str(path))
+        checks.check_whole_image(name, SimpleNamespace(
+            width=camera.width, height=camera.height, **window))
+        return camera
     except CalibrationError as error:
         raise CalibrationError(f'{path}: {error}') from error
 

@@ -7,6 +7,7 @@ import numpy as np
 from ..registry import Registry
 
 ITERATIONS = 100   # at most, to undo a distortion; chosen: a few suffice unless it folds
+COEFFICIENT_DUST = 1e-6  # a coefficient that is no more counts as zero: 1e-6 focal lengths
 PRECISION = 1e-12  # at which they end, as a part of the focal length; chosen: rounding is 1e-16
 
 
@@ -129,6 +130,7 @@ class Pinhole(Lens):
 
     def undistort(self, pixels, K, D):
         """Return the rays that raw pixels see; see `Lens.undistort`."""
+        pixels, K = _without_skew(pixels, K)
         criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ITERATIONS, PRECISION)
         if hasattr(cv2, 'undistortPointsIter'):
             return cv2.undistortPointsIter(pixels[None], K, D, np.eye(3), np.eye(3),
@@ -156,6 +158,7 @@ class Equidistant(Lens):
 
     def undistort(self, pixels, K, D):
         """Return the rays that raw pixels see; see `Lens.undistort`."""
+        pixels, K = _without_skew(pixels, K)
         return cv2.fisheye.undistortPoints(pixels[None], K, _coefficients(D))[0]
 
     def rectifying_map(self, camera):
@@ -168,22 +171,65 @@ class Equidistant(Lens):
                       _coefficients(right.D), rotation, translation, balance=0.0)
 
 
+def coefficients_of(lens, D):
+    """
+    Return the coefficients of a lens in a number that the lens knows.
+
+    Missing ones are zero. Zeros behind the last coefficient of the lens are dropped.
+
+    Parameters
+    ----------
+    lens : Lens
+    D : numpy.ndarray, float64, shape (n,)
+
+    Returns
+    -------
+    D : numpy.ndarray, float64
+        Longer than `lens.lengths[-1]` only where the lens does not have one of the values.
+
+    """
+    longer = [length for length in lens.lengths if length >= D.size]
+    if longer:
+        return np.concatenate([D, np.zeros(longer[0] - D.size)])
+    beyond = np.abs(D[lens.lengths[-1]:]) > COEFFICIENT_DUST
+    return D if beyond.any() else D[:lens.lengths[-1]]
+
+
 def _coefficients(D):
     """Return coefficients for OpenCV, which takes no empty array."""
     return D.copy() if D.size else np.zeros(4)
 
 
+def _straight(K):
+    """Return a camera matrix without its skew: OpenCV reads only focal lengths and center."""
+    straight = K.copy()
+    straight[0, 1] = 0.0
+    return straight
+
+
+def _without_skew(pixels, K):
+    """Return the pixels that a camera without skew would see, and its camera matrix."""
+    if K[0, 1] == 0:
+        return pixels, K
+    # u = fx x + s y + cx and v = fy y + cy, with x and y the distorted coordinates
+    lean = K[0, 1] / K[1, 1] * (pixels[:, 1] - K[1, 2])
+    return pixels - np.stack([lean, np.zeros_like(lean)], axis=1), _straight(K)
+
+
 def _map(init_maps, camera):
     """Return the columns and rows, float32 (H, W), px, of a function of OpenCV for a camera."""
-    return init_maps(camera.K.copy(), _coefficients(camera.D), camera.R.copy(),
+    x, y = init_maps(_straight(camera.K), _coefficients(camera.D), camera.R.copy(),
                      camera.P[:, :3].copy(), (camera.width, camera.height), cv2.CV_32FC1)
+    if camera.K[0, 1] != 0:
+        x += np.float32(camera.K[0, 1] / camera.K[1, 1]) * (y - np.float32(camera.K[1, 2]))
+    return x, y
 
 
 def _views(rectify, left, right, D_left, D_right, rotation, translation, **fit):
     """Return R (3, 3) and P (3, 4), float64, of both views from a function of OpenCV."""
     R_left, R_right, P_left, P_right = rectify(
-        left.K.copy(), D_left, right.K.copy(), D_right, (left.width, left.height), rotation,
-        translation, flags=0, **fit)[:4]
+        _straight(left.K), D_left, _straight(right.K), D_right, (left.width, left.height),
+        rotation, translation, flags=0, **fit)[:4]
     return (R_left, P_left), (R_right, P_right)
 
 

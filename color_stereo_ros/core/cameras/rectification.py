@@ -22,6 +22,11 @@ class Rectifier:
     rectified_input : bool
         The images arrive rectified: only P of the calibration is used, nothing is resampled.
 
+    Raises
+    ------
+    CalibrationError
+        If raw images are to be rectified and K, D, R or a lens model do not allow it.
+
     """
 
     def __init__(self, calibration, rectified_input=False):
@@ -32,6 +37,7 @@ class Rectifier:
         if rectified_input:
             self._inside = (np.ones(shape, bool),) * 2
         else:
+            calibration.check_raw()
             cameras = calibration.left, calibration.right
             coordinates = [raw_coordinates(camera) for camera in cameras]
             # Fixed-point maps resolve 1/32 px and are several times faster than float ones.

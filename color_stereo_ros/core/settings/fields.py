@@ -7,7 +7,10 @@ from itertools import groupby
 import math
 
 from ...errors import SettingsError
+from ...files.yaml import about_number
 from ..registry import suggestion
+
+HUGE = 10 ** 300  # an integer beyond is infinite as a float
 
 
 class Metadata(Mapping):
@@ -85,12 +88,13 @@ def _checked(group, spec, value):
     name = f'{group.prefix}.{spec.name}'
     kind = type(spec.default)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
+        value = float(value) if abs(value) < HUGE else math.inf if value > 0 else -math.inf
     if hasattr(value, 'item') and isinstance(value.item(), kind):
         value = value.item()  # a numpy scalar
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        hint = about_number(value) if kind in (int, float) else ''
         raise SettingsError(f'{name} = {value!r} is a {type(value).__name__}, '
-                            f'expected {kind.__name__}')
+                            f'expected {kind.__name__}{hint}')
     meta = spec.metadata
     if meta['choices'] is not None and value not in meta['choices']:
         raise SettingsError(f'{name} = {value!r} is not one of {", ".join(meta["choices"])}')

@@ -8,7 +8,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, Image
 
 from ...errors import ImageError
-from ...messages.calibration_watch import CalibrationWatch
+from ...messages.calibration_watch import CalibrationWatch, check_use
 from ...messages.reading import check_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
 from ..complaints import Complaints
@@ -37,9 +37,11 @@ class StereoInputs:
         # (rclpy knows a call by its line, and wants one severity for each)
         self._complain = Complaints(lambda text: logger.error(text))
         self._warn = Complaints(lambda text: logger.warning(text))
-        sync = parameters.settings.sync
+        self._settings = parameters.settings
+        sync = self._settings.sync
         self.synchronizer = Synchronizer(sync.tolerance, sync.queue_size)
-        self.calibration = CalibrationWatch(on_calibration)
+        self.calibration = CalibrationWatch(
+            on_calibration, check=lambda calibration: check_use(calibration, self._settings))
         self.refused = dict.fromkeys(SIDES, 0)
         """Images that were refused, by side."""
         self.refusals = dict.fromkeys(SIDES)
@@ -96,10 +98,14 @@ class StereoInputs:
         return (f'left image has frame_id {frame!r}, left camera_info {calibrated!r}: the outputs '
                 'carry that of the image')
 
-    def configure(self, sync):
-        """Take new sync.* settings."""
-        self.synchronizer.tolerance = sync.tolerance
-        self.synchronizer.queue_size = sync.queue_size
+    def configure(self, settings):
+        """Take new settings."""
+        used = [(each.input.rectified, each.output.frame) for each in (self._settings, settings)]
+        self._settings = settings
+        self.synchronizer.tolerance = settings.sync.tolerance
+        self.synchronizer.queue_size = settings.sync.queue_size
+        if used[0] != used[1]:
+            self.calibration.review()
 
     def follow(self):
         """Look after the subscriptions and a calibration that settles."""

@@ -4,6 +4,7 @@
 from rclpy.clock import Clock, ClockType
 
 from ...core.triangulation import disparity_limits
+from ...messages.calibration_watch import check_use
 from ...messages.outputs import Context
 from .capture import Capture
 from .diagnostics import Diagnostics
@@ -57,12 +58,13 @@ class RangeSensor:
         """Refuse settings that do not fit the calibration in force, by a ColorStereoError."""
         calibration = self.inputs.calibration.calibration
         if calibration is not None:
+            check_use(calibration, settings)
             disparity_limits(calibration.geometry, settings.range)
 
     def configure(self, settings):
         """Take new settings from the next pair on."""
         self.settings = settings
-        self.inputs.configure(settings.sync)
+        self.inputs.configure(settings)
         self.pattern.configure(settings.pattern)
         self.diagnostics.configure(settings)
         self.worker.configure(Setup(self.inputs.calibration.calibration, settings))
