@@ -19,6 +19,7 @@ from .. import __version__
 
 WRONG_USAGE = 2  # as argparse has it
 FAILURE = 1
+PARTLY = 3  # the result is written, but a part of the input was refused
 INTERRUPTED = 130
 
 EXTRAS = {
@@ -41,7 +42,8 @@ def main(argv=None):
     Returns
     -------
     status : int
-        0 = done, 1 = it failed, 2 = wrong arguments or settings, 130 = interrupted.
+        0 = done, 1 = it failed, 2 = wrong arguments or settings, 3 = done, but a part of the
+        input was refused, 130 = interrupted, 143 = ended by SIGTERM.
 
     """
     try:
@@ -71,7 +73,8 @@ def parsed(argv):
         prog='color_stereo', description='Range images from two color cameras and a projector.',
         epilog='`color_stereo COMMAND --help` explains a command. Exit status: 0 = done; 1 = it '
         'failed, for example because a file is missing or damaged; 2 = the command line or a '
-        'settings file is wrong; 130 = interrupted.',
+        'settings file is wrong; 3 = done, but a part of the input was refused; 130 = '
+        'interrupted.',
         allow_abbrev=False)
     parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
     subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
@@ -129,6 +132,11 @@ def _missing_extra(error):
                     + f", or pip install '.[{extra}]' in the folder of the sources (README, "
                     'Extras)')
     raise error
+
+
+def warn(message):
+    """Print a warning on standard error."""
+    print(f'color_stereo: warning: {message}', file=sys.stderr)
 
 
 def _fail(message, status):

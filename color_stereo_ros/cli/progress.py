@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Progress bars that also tell something when standard error is a file or a pipe."""
+
+import sys
+
+from tqdm import tqdm
+
+LINE_EVERY = 5.0  # s between two lines in a file
+
+
+class Progress(tqdm):
+    """
+    A progress bar on a terminal; elsewhere a line at the start, at the end and now and then.
+
+    Parameters are those of `tqdm.tqdm`.
+
+    """
+
+    def __init__(self, *arguments, **options):
+        terminal = sys.stderr.isatty()
+        if not terminal:
+            options = {'mininterval': LINE_EVERY, 'ncols': 80, **options, 'leave': True}
+        super().__init__(*arguments, file=sys.stderr, **options)
+
+    @staticmethod
+    def status_printer(file):
+        """Return the function that shows a state of the bar."""
+        if getattr(file, 'isatty', bool)():
+            return tqdm.status_printer(file)
+
+        def show(line):
+            if line.strip():
+                file.write(f'{line.rstrip()}\n')
+                file.flush()
+        return show
