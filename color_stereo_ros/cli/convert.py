@@ -53,7 +53,7 @@ def run(args):
         with write_recording(args.result, overwrite=args.overwrite) as writer, \
                 Progress(total=recording.counts[topics.left_image], unit='pair') as progress:
             sensor = OfflineSensor(recording, writer, topics, settings, args.topics,
-                                   args.namespace, say=progress.write)
+                                   args.namespace, say=progress.say)
             for message in recording.messages(topics.names):
                 sensor.take(message)
                 progress.update(message.topic == topics.left_image)

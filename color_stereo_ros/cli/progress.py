@@ -29,7 +29,11 @@ class Progress(tqdm):
             return tqdm.status_printer(file)
 
         def show(line):
-            if line.strip():
-                file.write(f'{line.rstrip()}\n')
+            if text := line.replace('\r', '').rstrip():
+                file.write(f'{text}\n')
                 file.flush()
         return show
+
+    def say(self, text):
+        """Print a sentence on standard error, above the bar."""
+        self.write(text, file=sys.stderr)
