@@ -77,6 +77,8 @@ class Player:
         if not found:
             raise RecordingError(f'{self.recording.path}: no topic can be published: '
                                  f'{"; ".join(left_out) or "it holds none"}')
+        if not any(self.recording.counts[topic] for topic in found):
+            raise RecordingError(f'{self.recording.path}: holds no messages')
         for reason in left_out:
             say(f'left out: {reason}')
         return found
