@@ -36,4 +36,7 @@ class Progress(tqdm):
 
     def say(self, text):
         """Print a sentence on standard error, above the bar."""
-        self.write(text, file=sys.stderr)
+        if sys.stderr.isatty():
+            self.write(text, file=sys.stderr)
+        else:
+            print(text, file=sys.stderr, flush=True)
