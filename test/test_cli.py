@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `color_stereo`: it finds, runs and explains its subcommands."""
 
+from pathlib import Path
 import subprocess
 import sys
 import types
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from color_stereo_ros.cli import main as cli
+from color_stereo_ros.cli.progress import Progress
 from color_stereo_ros.core import (
     CalibrationError, ImageError, make_pattern, RecordingError, Settings, SettingsError)
 from color_stereo_ros.core.settings import flat
@@ -154,3 +156,44 @@ def test_the_pattern_command_writes_the_pattern(tmp_path):
     expected = make_pattern(Settings().updated(
         {'pattern.type': 'sweep', 'pattern.width': 64, 'pattern.height': 16}).pattern)
     assert np.array_equal(cv2.imread(str(path))[..., ::-1], expected)
+
+
+@pytest.mark.parametrize('words, meant', [
+    (['process', 'a.png', 'b.png', '--calibraton', 'l', 'r'], '--calibration'),
+    (['convert', 'a', 'b', '--range.min_dept', '3'], '--range.min_depth'),
+    (['convert', 'a', 'b', '--min_depth=3'], '--range.min_depth'),
+    (['convert', 'a', 'b', '--left_image', '/a'], '--left-image'),
+    (['replay', 'a', '-loop'], '--loop'),
+    (['--versoin'], '--version'),
+    (['patern', 'p.png'], 'pattern')])
+def test_the_nearest_known_name_is_asked_for(words, meant, capsys):
+    with pytest.raises(SystemExit) as ending:
+        cli.main(words)
+    assert ending.value.code == 2
+    assert f'; did you mean {meant}?' in capsys.readouterr().err
+
+
+def test_values_that_look_like_options_are_none(tmp_path, capsys):
+    assert cli.main(['pattern', '--pattern.width', '-3', '--', str(tmp_path / '-p.png')]) == 2
+    assert 'pattern.width = -3' in capsys.readouterr().err
+
+
+def test_progress_is_told_line_by_line_where_there_is_no_terminal(capsys):
+    with Progress(total=3, unit='pair', mininterval=0) as progress:
+        for _ in range(3):
+            progress.update()
+        progress.say('a sentence')
+    said = capsys.readouterr()
+    lines = said.err.split('\n')
+    assert said.out == '' and '\r' not in said.err
+    assert '0/3' in lines[0] and 'a sentence' in lines
+    assert any('3/3' in line for line in lines)
+
+
+def test_every_long_command_shows_progress_of_this_kind():
+    folder = Path(cli.__file__).parent
+    users = {path.stem for path in folder.glob('*.py')
+             if 'from .progress import Progress' in path.read_text()}
+    assert users == {'bench', 'convert', 'evaluate', 'render'}
+    assert not [path for path in folder.glob('*.py')
+                if 'import tqdm' in path.read_text() and path.stem != 'progress']

@@ -140,10 +140,18 @@ def test_widening_the_search_range_widens_the_disparities():
 
 def test_folders_are_evaluated_from_the_command_line(tmp_path, capsys):
     args = ['evaluate', str(SCENES / 'flat_350_hue1'), '--methods', 'paper,bm', '--depth', '0.22',
-            '0.62', '--json', str(tmp_path / 'figures.json'), '--repeats', '1']
+            '0.62', '--json', str(tmp_path / 'figures.json'), '--repeats', '1', '--output',
+            str(tmp_path / 'out')]
     from color_stereo_ros.cli.main import main
     assert main(args) == 0
-    lines = capsys.readouterr().out.splitlines()
+    printed = capsys.readouterr().out
+    assert printed.strip().startswith((tmp_path / 'out' / 'tables.txt').read_text().strip())
+    assert (tmp_path / 'out' / 'figures.json').read_bytes() == (
+        tmp_path / 'figures.json').read_bytes()
+    lines = printed.splitlines()
+    legend = lines[lines.index('Columns ("-": there is no such figure):') + 1:]
+    assert [line[2:12].strip() for line in legend[:len(evaluate.COLUMNS)]] == [
+        title for title, *_ in evaluate.COLUMNS]
     assert 'flat_350_hue1: 0.22 .. 0.62 m (given)' in lines[1]
     assert lines[3].startswith('paper') and lines[4].startswith('bm')
     kept = json.loads((tmp_path / 'figures.json').read_text())['records']

@@ -14,7 +14,10 @@ PARTS = 'times', 'first', 'node'
 def add_arguments(parser):
     """Declare the arguments."""
     parser.add_argument('--output', type=Path, default=Path('bench_output'), metavar='FOLDER',
-                        help='gets bench.json and bench.md (default bench_output)')
+                        help='gets bench.json and bench.md (default bench_output); those of an '
+                        'earlier run are replaced')
+    parser.add_argument('--overwrite', action='store_true', help='replace files in the folder of '
+                        '--output that are not of an earlier run, too')
     parser.add_argument('--rounds', type=int, default=40, metavar='N',
                         help='how often each contender is measured (default 40)')
     parser.add_argument('--seconds', type=float, default=10.0, metavar='S',
@@ -34,13 +37,15 @@ def run(args):
     """Measure, print, write."""
     from ..bench.report import plain, TABLES, with_tables
     from ..files.atomic import write_text
+    from ..files.claim import claimed
     if args.figures:
         figures = json.loads(args.figures.read_text(encoding='utf-8'))
     else:
-        figures = measured(args)
-        write_text(args.output / 'bench.json', json.dumps(figures, indent=1) + '\n')
-        blocks = '\n'.join(f'<!-- bench: {name} -->\n<!-- end -->\n' for name in TABLES)
-        write_text(args.output / 'bench.md', with_tables(blocks, figures))
+        with claimed(args.output, 'bench', ('bench.json', 'bench.md'), overwrite=args.overwrite):
+            figures = measured(args)
+            write_text(args.output / 'bench.json', json.dumps(figures, indent=1) + '\n')
+            blocks = '\n'.join(f'<!-- bench: {name} -->\n<!-- end -->\n' for name in TABLES)
+            write_text(args.output / 'bench.md', with_tables(blocks, figures))
     print(f'\n{plain(figures)}')
     if args.docs:
         text = args.docs.read_text(encoding='utf-8')
@@ -71,13 +76,12 @@ def _times(rounds, folder):
     """Return contender's name to times."""
     from functools import partial
 
-    from tqdm import tqdm
-
     from ..bench.times import all_contenders, interleaved
+    from .progress import Progress
     contenders = all_contenders()
     print(f'{len(contenders)} contenders, each {rounds} times in turn; first the kernels get '
           'warm, for AVX2 they are compiled', flush=True)
-    found = interleaved(contenders, rounds, folder, partial(tqdm, unit='round'))
+    found = interleaved(contenders, rounds, folder, partial(Progress, unit='round'))
     return {item.name: times for item, times in found.items()}
 
 

@@ -1,27 +1,51 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo evaluate`: what is measured, how well, beside the paper and beside OpenCV."""
 
+from contextlib import nullcontext
 import os
 from pathlib import Path
 import time
 
 from ..core import SettingsError
 from ..evaluation.numbers import figure_of, write_json
+from ..files.atomic import check_free
+from ..files.claim import claimed
 
 SUMMARY = 'measure methods against the truth: the paper\'s experiments, or folders with truth'
 
 DEFAULT_METHODS = 'surface,paper,bm,sgbm,3way'
 
-COLUMNS = (('density', 'density', '{:.3f}'), ('correct', 'correct', '{:.3f}'),
-           ('mean %', 'mean_percent', '{:.4f}'), ('median %', 'median_percent', '{:.4f}'),
-           ('median px', 'median_px', '{:.4f}'), ('p95 %', 'p95_percent', '{:.3f}'),
-           ('bad-0.5', 'bad_05', '{:.4f}'), ('bad-1', 'bad_1', '{:.4f}'),
-           ('bad-2', 'bad_2', '{:.4f}'), ('false', 'false_share', '{:.4f}'),
-           ('plane mm', 'planes.rms_mm', '{:.3f}'), ('plane px', 'planes.rms_px', '{:.4f}'),
-           ('locking', 'locking.peak_to_peak_px', '{:.4f}'),
-           ('/limit', 'noise_limit.best.error_over_limit', '{:.2f}'),
-           ('calib.', 'reliability.calibration_error', '{:.3f}'),
-           ('z std', 'z_scores.robust_std', '{:.2f}'), ('ms', 'milliseconds', '{:.1f}'))
+COLUMNS = (
+    ('density', 'density', '{:.3f}', 'share of the visible pixels that have a range'),
+    ('correct', 'correct', '{:.3f}', 'share of the visible pixels whose depth is within 1 %'),
+    ('mean %', 'mean_percent', '{:.4f}', 'mean depth error, % of the true depth'),
+    ('median %', 'median_percent', '{:.4f}', 'median depth error, % of the true depth'),
+    ('median px', 'median_px', '{:.4f}', 'median disparity error, px'),
+    ('p95 %', 'p95_percent', '{:.3f}', '95 of 100 depth errors are smaller, % of the true depth'),
+    ('bad-0.5', 'bad_05', '{:.4f}', 'share of the ranges that are off by more than 0.5 px'),
+    ('bad-1', 'bad_1', '{:.4f}', 'the same for 1 px: these ranges are called wrong'),
+    ('bad-2', 'bad_2', '{:.4f}', 'the same for 2 px'),
+    ('false', 'false_share', '{:.4f}', 'share of all ranges where at most one camera sees a lit '
+     'surface'),
+    ('plane mm', 'planes.rms_mm', '{:.3f}', 'root mean square distance from fitted planes, mm'),
+    ('plane px', 'planes.rms_px', '{:.4f}', 'the same in disparity, px'),
+    ('locking', 'locking.peak_to_peak_px', '{:.4f}', 'how far disparities are drawn to whole '
+     'pixels, peak to peak, px'),
+    ('/limit', 'noise_limit.best.error_over_limit', '{:.2f}', 'error over the limit that the '
+     'noise of the images sets; 1 is the best possible'),
+    ('calib.', 'reliability.calibration_error', '{:.3f}', 'mean difference of confidence and '
+     'share of right ranges; 0 is honest'),
+    ('z std', 'z_scores.robust_std', '{:.2f}', 'spread of error / disparity_std; 1 is honest'),
+    ('ms', 'milliseconds', '{:.1f}', 'time for one pair, ms'))
+"""Title, key of the figure, format and meaning."""
+
+LEGEND = '\n'.join([
+    'Columns ("-": there is no such figure):',
+    *(f'  {title:10} {meaning}' for title, _, _, meaning in COLUMNS),
+    'Visible pixels: both cameras see the surface point, and the projector lights it. Errors are '
+    'those', 'of the visible pixels that have a range.'])
+
+EXPERIMENTS_OUTPUT = Path('evaluation_output')
 
 ABLATION_COLUMNS = (('density', '{:.4f}'), ('mean_percent', '{:.4f}'), ('median_px', '{:.4f}'),
                     ('bad_1', '{:.4f}'), ('false_share', '{:.4f}'), ('milliseconds', '{:.1f}'))
@@ -41,9 +65,12 @@ def add_arguments(parser):
                         help='fewer and coarser experiments: minutes instead of half an hour')
     parser.add_argument('--ablation', action='store_true',
                         help='switch every stage of the first of --methods off, one at a time')
-    parser.add_argument('--output', type=Path, default=Path('evaluation_output'),
-                        metavar='DIR', help='where report.html, figures.json and the rendered '
-                        'pairs go (default evaluation_output)')
+    parser.add_argument('--output', type=Path, metavar='DIR', help='where the results go: '
+                        'report.html, figures.json and the rendered pairs of the experiments '
+                        '(default evaluation_output); tables.txt and figures.json of FOLDER and '
+                        'of --ablation (default: printed only)')
+    parser.add_argument('--overwrite', action='store_true', help='replace files that are not of '
+                        'an earlier run, too')
     parser.add_argument('--renders', type=Path, metavar='DIR',
                         help='keeps the rendered pairs for the next run (default: renders in the '
                              'folder of --output)')
@@ -68,12 +95,20 @@ def run(args):
     from ..evaluation.methods import checked_methods
     methods = checked_methods([name.strip() for name in args.methods.split(',')])
     check_arguments(args)
-    if args.ablation:
-        run_ablation(args, methods[0])
-    elif args.folders:
-        run_folders(args, methods)
-    else:
-        run_experiments(args, methods)
+    experiments = not (args.ablation or args.folders)
+    if experiments and args.output is None:
+        args.output = EXPERIMENTS_OUTPUT
+    if args.json and not args.overwrite:
+        check_free(args.json)
+    names = ('figures.json', 'report.html' if experiments else 'tables.txt')
+    with (claimed(args.output, 'evaluate', names, overwrite=args.overwrite) if args.output
+          else nullcontext()):
+        if args.ablation:
+            run_ablation(args, methods[0])
+        elif args.folders:
+            run_folders(args, methods)
+        else:
+            run_experiments(args, methods)
 
 
 def check_arguments(args):
@@ -91,23 +126,38 @@ def check_arguments(args):
 
 
 def run_folders(args, methods):
-    """Evaluate folders with truth and print one table for each."""
+    """Evaluate folders with truth and print one table for each, then what its columns say."""
     from ..evaluation.methods import evaluate
     from ..patience import patience
-    records = []
+    records, lines = [], []
+
+    def tell(text):
+        lines.append(text)
+        print(text, flush=True)
+
     for scene in loaded(args):
-        print(f'\n{scene.name}: {scene.settings["range.min_depth"]} .. '
-              f'{scene.settings["range.max_depth"]} m ({scene.limits_source})')
-        print(table_row('', [title for title, _, _ in COLUMNS]))
+        tell(f'\n{scene.name}: {scene.settings["range.min_depth"]} .. '
+             f'{scene.settings["range.max_depth"]} m ({scene.limits_source})')
+        tell(table_row('', [title for title, *_ in COLUMNS]))
         for method in methods:
             with patience('measuring; on the first run the kernels are compiled, too'):
                 _, figures = evaluate(scene, method, {}, args.repeats)
             records.append({'experiment': 'folder', 'scene': scene.name, 'method': method,
                             'settings': scene.settings, 'figures': figures})
-            print(table_row(method, [cell(figures, key, form) for _, key, form in COLUMNS]),
-                  flush=True)
+            tell(table_row(method, [cell(figures, key, form) for _, key, form, _ in COLUMNS]))
+    tell(f'\n{LEGEND}')
+    write_results(args, records, lines)
+
+
+def write_results(args, records, lines):
+    """Write the records into the files of --json and --output, the printed lines beside them."""
+    from ..files.atomic import write_text
     if args.json:
         write_json(args.json, records, facts_of(args))
+    if args.output:
+        write_json(args.output / 'figures.json', records, facts_of(args))
+        write_text(args.output / 'tables.txt', '\n'.join(lines).lstrip('\n') + '\n')
+        print(f'{args.output / "tables.txt"} and {args.output / "figures.json"} written')
 
 
 def loaded(args):
@@ -127,17 +177,16 @@ def folder_values(args):
 
 def run_experiments(args, methods):
     """Run the paper's experiments on the simulated rig; write the page and the numbers."""
-    from tqdm import tqdm
-
     from ..evaluation.experiments import Laboratory, Plan, QUICK, run_tasks
     from ..evaluation.renders import Renders
     from ..evaluation.report import write_report
+    from .progress import Progress
     start = time.monotonic()
     plan = QUICK if args.quick else Plan()
     args.output.mkdir(parents=True, exist_ok=True)
     renders = Renders(args.renders or args.output / 'renders', plan.samples, args.seed)
     laboratory = Laboratory(renders, methods, plan)
-    records = run_tasks(laboratory.tasks(), tqdm)
+    records = run_tasks(laboratory.tasks(), Progress)
     facts = {**facts_of(args), 'duration': f'{(time.monotonic() - start) / 60:.1f} min'}
     write_report(args.output / 'report.html', laboratory, records, facts)
     write_json(args.output / 'figures.json', records, facts)
@@ -147,26 +196,25 @@ def run_experiments(args, methods):
 
 def run_ablation(args, method):
     """Switch every stage of a method off, one at a time, and print what that costs."""
-    from tqdm import tqdm
-
     from ..evaluation.ablation import ablation, scenes_for
     from ..evaluation.experiments import Plan, QUICK
     from ..evaluation.renders import Renders
+    from .progress import Progress
     if args.folders:
         scenes = list(loaded(args))
     else:
         plan = QUICK if args.quick else Plan()
-        renders = Renders(args.renders or args.output / 'renders', plan.samples, args.seed)
+        kept = args.renders or (args.output or EXPERIMENTS_OUTPUT) / 'renders'
+        renders = Renders(kept, plan.samples, args.seed)
         scenes = scenes_for(renders, plan.complex, method)
-    rows = ablation(scenes, method, tqdm, args.repeats)
+    rows = ablation(scenes, method, Progress, args.repeats)
     titles = [key for key, _ in ABLATION_COLUMNS]
-    print(f'{method} on {len(scenes)} scenes')
-    print(f'{"off":44}' + ''.join(f'{title:>14}' for title in titles))
-    for row in rows:
-        print(f'{row["off"] or "nothing":44}' + ''.join(
-            f'{cell(row, key, form):>14}' for key, form in ABLATION_COLUMNS))
-    if args.json:
-        write_json(args.json, rows, facts_of(args))
+    lines = [f'{method} on {len(scenes)} scenes',
+             f'{"off":44}' + ''.join(f'{title:>14}' for title in titles)]
+    lines += [f'{row["off"] or "nothing":44}' + ''.join(
+        f'{cell(row, key, form):>14}' for key, form in ABLATION_COLUMNS) for row in rows]
+    print('\n'.join(lines))
+    write_results(args, rows, lines)
 
 
 def facts_of(args):

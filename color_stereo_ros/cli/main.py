@@ -10,16 +10,25 @@ module that runs is imported, so that `color_stereo --help` needs neither ROS no
 
 import argparse
 import ast
+from contextlib import contextmanager
+import difflib
 import importlib
+import itertools
 import os
 from pathlib import Path
+import re
+import signal
 import sys
+import threading
 
 from .. import __version__
 
 WRONG_USAGE = 2  # as argparse has it
 FAILURE = 1
+PARTLY = 3  # the result is written, but a part of the input was refused
 INTERRUPTED = 130
+
+OPTION = re.compile(r'--?[A-Za-z][\w.-]*')
 
 EXTRAS = {
     'sim': ('mitsuba', 'drjit'),
@@ -41,12 +50,14 @@ def main(argv=None):
     Returns
     -------
     status : int
-        0 = done, 1 = it failed, 2 = wrong arguments or settings, 130 = interrupted.
+        0 = done, 1 = it failed, 2 = wrong arguments or settings, 3 = done, but a part of the
+        input was refused, 130 = interrupted, 143 = ended by SIGTERM.
 
     """
     try:
         args = parsed(sys.argv[1:] if argv is None else list(argv))
-        return args.run(args) or 0
+        with _ended_in_order():
+            return args.run(args) or 0
     except KeyboardInterrupt:
         return _fail('interrupted', INTERRUPTED)
     except BrokenPipeError:
@@ -55,6 +66,27 @@ def main(argv=None):
         return 0
     except Exception as error:
         return _fail(*_explained(error))
+
+
+@contextmanager
+def _ended_in_order():
+    """Let SIGTERM and SIGHUP end the block as an error does, so that nothing unfinished stays."""
+    def end(number, _):
+        signal.signal(number, signal.SIG_IGN)  # the second one must not disturb the cleaning up
+        raise SystemExit(128 + number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [number for number in (signal.SIGTERM, signal.SIGHUP)
+               if signal.getsignal(number) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def parsed(argv):
@@ -71,7 +103,8 @@ def parsed(argv):
         prog='color_stereo', description='Range images from two color cameras and a projector.',
         epilog='`color_stereo COMMAND --help` explains a command. Exit status: 0 = done; 1 = it '
         'failed, for example because a file is missing or damaged; 2 = the command line or a '
-        'settings file is wrong; 130 = interrupted.',
+        'settings file is wrong; 3 = done, but a part of the input was refused; 130 = '
+        'interrupted.',
         allow_abbrev=False)
     parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
     subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
@@ -85,7 +118,29 @@ def parsed(argv):
             module = importlib.import_module(f'{__package__}.{name}')
             module.add_arguments(subparser)
             subparser.set_defaults(run=module.run)
+            check_options(subparser, argv[argv.index(name) + 1:])
+    if chosen is not None and chosen not in subparsers.choices:
+        parser.error(f'unknown command {chosen!r}{nearest(chosen, subparsers.choices)} (there '
+                     f'are {", ".join(subparsers.choices)})')
+    check_options(parser, itertools.takewhile(lambda word: word != chosen, argv))
     return parser.parse_args(argv)
+
+
+def check_options(parser, words):
+    """End with status 2 and the nearest known name where an option is unknown."""
+    known = parser._option_string_actions  # argparse has no public name for it
+    for word in itertools.takewhile(lambda word: word != '--', words):
+        option = word.partition('=')[0]
+        if OPTION.fullmatch(option) and option not in known and not option.startswith('-h'):
+            parser.error(f'unknown option {option}{nearest(option, known)}')
+
+
+def nearest(name, known):
+    """Return `'; did you mean ...?'` for the known name nearest to a mistyped one, or ''."""
+    bare = {each.lstrip('-').replace('_', '-'): each for each in known}
+    near = difflib.get_close_matches(name.lstrip('-').replace('_', '-'), bare, n=1)
+    near = near or [each for each in bare if each.rpartition('.')[2] == name.lstrip('-')]
+    return f'; did you mean {bare[near[0]]}?' if near else ''
 
 
 def find_commands(folder=None):
@@ -129,6 +184,11 @@ def _missing_extra(error):
                     + f", or pip install '.[{extra}]' in the folder of the sources (README, "
                     'Extras)')
     raise error
+
+
+def warn(message):
+    """Print a warning on standard error."""
+    print(f'color_stereo: warning: {message}', file=sys.stderr)
 
 
 def _fail(message, status):

@@ -16,6 +16,8 @@ def add_arguments(parser):
     parser.add_argument('--output', default='process_output', metavar='FOLDER',
                         help='folder to fill; files of an earlier run are replaced (default '
                         'process_output)')
+    parser.add_argument('--overwrite', action='store_true', help='replace files in FOLDER that '
+                        'are not of an earlier run, too')
     parser.add_argument('--rectified', action='store_true', help='the images are rectified '
                         'already: only P of the calibration is used')
     add_settings_arguments(parser)
@@ -23,6 +25,15 @@ def add_arguments(parser):
 
 def run(args):
     """Measure the pair of the command line."""
+    from pathlib import Path
+
+    from ..files.claim import claimed
+    with claimed(Path(args.output), 'process', CONTENT, overwrite=args.overwrite):
+        measure(args)
+
+
+def measure(args):
+    """Measure, write and tell."""
     from pathlib import Path
 
     from ..core import ColorStereo, StereoCalibration
@@ -36,7 +47,8 @@ def run(args):
     warn_of(doubts_about_images(left, right))
     with patience():
         stereo = ColorStereo(calibration, settings, rectified_input=args.rectified)
-    result = stereo.process(left, right)
+    with patience('measuring'):
+        result = stereo.process(left, right)
     output = Path(args.output)
     write_result(output, result, settings.range)
     print(account(result))

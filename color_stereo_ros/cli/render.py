@@ -90,10 +90,9 @@ def _pattern(args):
 
 def _frames(args, scene, pattern):
     """Yield the Rendering of every frame, with a progress bar."""
-    from tqdm import tqdm
-
     from ..sim import Renderer
-    with tqdm(total=STEPS * scene.frames, unit='step', disable=None, leave=False) as bar:
+    from .progress import Progress
+    with Progress(total=STEPS * scene.frames, unit='step', leave=False) as bar:
         for frame in range(scene.frames):
             renderer = Renderer(scene, samples=args.samples, cache=args.cache, frame=frame,
                                 indirect=False if args.direct_only else None)

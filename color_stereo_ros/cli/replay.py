@@ -6,7 +6,8 @@ SUMMARY = 'publish a recording on real topics'
 
 def add_arguments(parser):
     """Declare the arguments."""
-    parser.add_argument('recording', help='rosbag2 folder, or a single .mcap or .db3 file')
+    parser.add_argument('recording', help='rosbag2 folder, a single .mcap or .db3 file, or a '
+                        'ROS 1 bag')
     parser.add_argument('--rate', type=float, default=1.0, metavar='FACTOR',
                         help='speed, 1 = as recorded (default)')
     parser.add_argument('--loop', action='store_true', help='start again at the end')
@@ -21,22 +22,39 @@ def add_arguments(parser):
 
 
 def run(args):
-    """Publish until the end, or until SIGINT or SIGTERM; both are a good end."""
+    """
+    Publish until the end, or until SIGINT or SIGTERM; both are a good end.
+
+    Returns
+    -------
+    status : int or None
+        PARTLY if a message was refused.
+
+    """
     from ..errors import SettingsError
     from ..nodes.live import ros_node
     from ..recordings.reading import Recording
+    from ..recordings.refusals import Refusals
+    from .main import PARTLY, warn
     if not args.rate > 0:
         raise SettingsError(f'--rate = {args.rate} is not larger than 0')
     with Recording(args.recording) as recording, ros_node('color_stereo_replay') as node:
         from ..nodes.replay import Player
-        player = Player(node, recording, args.topics, args.namespace, args.stamps == 'now')
-        player.wait_for_subscriber(args.wait)
+        refusals = Refusals(warn)
+        player = Player(node, recording, args.topics, args.namespace, args.stamps == 'now',
+                        say=warn, refuse=refusals.add)
+        if not player.wait_for_subscriber(args.wait):
+            warn(f'nobody listens to any of the topics after {args.wait:g} s; publishing all the '
+                 'same. Topics, namespace and ROS_DOMAIN_ID of the listener must be the same')
         print(f'{args.recording}: {sum(recording.counts.values())} messages, '
               f'{recording.duration:.1f} s, on {", ".join(sorted(player.publishers))}', flush=True)
         try:
             player.play(args.rate)
             while args.loop:
-                player.play(args.rate)
+                player.play(args.rate, again=True)
             player.finish()
         except KeyboardInterrupt:
             print('stopped')
+        if refusals:
+            warn(f'{refusals}; the first: {refusals.first}')
+        return PARTLY if refusals else None

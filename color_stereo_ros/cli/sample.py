@@ -66,11 +66,14 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
 
     from ..core import SettingsError
     from ..evaluation.datasets import folder_settings, load_folder
-    from ..files.atomic import write_text, written_whole
+    from ..files.atomic import check_free, write_text, written_whole
     from ..parameters.files import settings_text
     from ..recordings.writing import write_recording
     if output.resolve() == scene.resolve():
         raise SettingsError(f'{output}: is the scene itself; name another folder for the sample')
+    if not overwrite:
+        for name in (TRUTH, SETTINGS):
+            check_free(output / name)
     pair = load_folder(scene, values)
     with write_recording(output / RECORDING, overwrite=overwrite) as writer:
         for index in range(pairs):

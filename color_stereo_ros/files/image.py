@@ -140,7 +140,7 @@ def _not_turned(data):
     return data
 
 
-def write_image(path, image):
+def write_image(path, image, **options):
     """
     Write an image file of the format that its suffix says.
 
@@ -149,6 +149,8 @@ def write_image(path, image):
     path : str or Path
     image : numpy.ndarray, shape (H, W) or (H, W, 3)
         Colors in RGB.
+    options
+        Those of `written_whole`.
 
     Raises
     ------
@@ -166,7 +168,7 @@ def write_image(path, image):
     if not written:
         raise ImageError(f'{path}: cannot be written as {suffix or "a file without suffix"}; '
                          '.png always works')
-    write_bytes(path, encoded.tobytes())
+    write_bytes(path, encoded.tobytes(), **options)
 
 
 def _is_cut_off_jpeg(data):

@@ -9,13 +9,16 @@ outputs hold the same values.
 
 from collections import deque
 
-from ..core import ColorStereo, ColorStereoError, RecordingError
+from ..core import ColorStereo, ColorStereoError, ImageError, RecordingError
 from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import Header, Image
 from ..messages.outputs import Context, OUTPUTS
 from ..messages.reading import image_to_rgb, stamp_ns
 from ..messages.synchronizer import Synchronizer
 from ..patience import patience
+from .reading import seconds
+from .refusals import Refusals
+from .times import OutputTimes
 
 WAITING = 50
 """Pairs that wait for a calibration; older ones are given up."""
@@ -34,19 +37,23 @@ class OfflineSensor:
     settings : RangeNodeSettings
     outputs : sequence of str
         Relative topics to write.
+    namespace : str or None
+        Goes before the outputs; None = what the names of both images begin with.
     say : callable
-        Called with a sentence about a pair or calibration that is refused.
+        Called with a sentence about a message, pair or calibration that is refused.
 
     """
 
-    def __init__(self, recording, writer, topics, settings, outputs, say=print):
+    def __init__(self, recording, writer, topics, settings, outputs, namespace=None, say=print):
         self._recording = recording
         self._writer = writer
-        self._namespace = topics.left_image.removesuffix('left/image_raw')
+        self._namespace = (topics.common_namespace if namespace is None
+                           else f'/{namespace}/'.replace('//', '/'))
         self._topics = topics
         self._settings = settings
         self._wanted = list(outputs)
         self._say = say
+        self._times = OutputTimes()
         self._now = 0
         self._synchronizer = Synchronizer(settings.sync.tolerance, settings.sync.queue_size,
                                           clock=self._clock)
@@ -61,6 +68,8 @@ class OfflineSensor:
         """Pairs that were refused."""
         self.unpaired = 0
         """Images that found no partner, or no calibration in time."""
+        self.refusals = Refusals(say)
+        """The messages that could not be decoded."""
 
     def _clock(self):
         return self._now * 1e-9
@@ -68,7 +77,11 @@ class OfflineSensor:
     def take(self, message):
         """Take a RecordedMessage of one of the four input topics."""
         self._now = message.time_ns
-        content = self._recording.decoded(message)
+        try:
+            content = self._recording.decoded(message)
+        except RecordingError as error:
+            self.refusals.add(message, error)
+            return
         side = 'left' if message.topic in (self._topics.left_image,
                                            self._topics.left_info) else 'right'
         if message.type != Image.TYPE:
@@ -76,7 +89,7 @@ class OfflineSensor:
         else:
             pair = self._synchronizer.add(side, stamp_ns(content.header), content)
             if pair is not None:
-                self._waiting.append(pair)
+                self._waiting.append((pair, self._now))
         self._watch.tick()
         self._measure_waiting()
 
@@ -92,12 +105,21 @@ class OfflineSensor:
         """
         counts = self._recording.counts
         self.unpaired = (counts[self._topics.left_image] + counts[self._topics.right_image]
+                         - self.refusals.count(self._topics.left_image)
+                         - self.refusals.count(self._topics.right_image)
                          - 2 * (self.measured + self.failed))
         if not self.measured:
             raise RecordingError(f'{self._recording.path}: no pair could be measured: '
                                  f'{self._watch.error or self._reason()}')
 
+    @property
+    def complete(self):
+        """Tell whether nothing was refused."""
+        return not self.failed and not self.refusals
+
     def _reason(self):
+        if self.refusals:
+            return f'{self.refusals}; the first: {self.refusals.first}'
         if self._watch.missing:
             return f'no camera_info of the {" and the ".join(self._watch.missing)} camera'
         if self.failed:
@@ -115,19 +137,30 @@ class OfflineSensor:
 
     def _measure_waiting(self):
         while self._stereo is not None and self._waiting:
-            pair = self._waiting.popleft()
+            pair, recorded = self._waiting.popleft()
             try:
-                result = self._stereo.process(image_to_rgb(pair.left), image_to_rgb(pair.right))
+                result = self._stereo.process(_rgb(pair.left, self._topics.left_image),
+                                              _rgb(pair.right, self._topics.right_image))
             except ColorStereoError as error:
                 self.failed += 1
-                self._say(f'pair of stamp {stamp_ns(pair.left.header)} ns refused: {error}')
+                self._say(f'pair of stamp {pair.stamp} ns, recorded at {seconds(recorded)} s, '
+                          f'refused: {error}')
                 continue
-            self._write(result, Header.of(pair.left.header))
+            header = Header.of(pair.left.header)
+            self._write(result, header, self._times.of(pair.stamp, recorded))
             self.measured += 1
 
-    def _write(self, result, header):
-        """Append the outputs at their own stamp."""
+    def _write(self, result, header, time_ns):
+        """Append the outputs."""
         context = Context(header, self._settings, self._watch.calibration.left.R.T)
         for topic in self._wanted:
             content = OUTPUTS[topic].content(result, context)
-            self._writer.write_content(self._namespace + topic, stamp_ns(header), content)
+            self._writer.write_content(self._namespace + topic, time_ns, content)
+
+
+def _rgb(image, topic):
+    """Return the image of a message as RGB; an error names its topic."""
+    try:
+        return image_to_rgb(image)
+    except ImageError as error:
+        raise ImageError(f'{topic}: {error}') from error

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Read recordings: rosbag2 folders and single files, without ROS.
+Read recordings: rosbag2 folders, single files and ROS 1 bags, without ROS.
 
 Needs the library `rosbags` (extra [tools]). Every failure is a RecordingError that names the
 recording and what is wrong with it.
@@ -13,27 +13,9 @@ from pathlib import Path
 import re
 
 from ..errors import RecordingError
-from ..messages.contents import CameraInfo, Image
+from .sources import opened
+from .topics import NOTHING_NAMED, stereo_topics
 from .types import typestore
-
-
-@dataclass(frozen=True)
-class StereoTopics:
-    """The four topics that `range_node` needs, as a recording names them."""
-
-    left_image: str
-    right_image: str
-    left_info: str
-    right_info: str
-
-    @property
-    def names(self):
-        """Return the four names."""
-        return self.left_image, self.right_image, self.left_info, self.right_info
-
-
-STEREO_TOPICS = StereoTopics('left/image_raw', 'right/image_raw',
-                             'left/camera_info', 'right/camera_info')
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +29,13 @@ class RecordedMessage:
     """When it was recorded, ns."""
     data: bytes
     """CDR."""
+    damage: str = None
+    """What is wrong with the message, or None while nothing is known to be wrong."""
+
+    @property
+    def place(self):
+        """Return topic and time of the message as text."""
+        return f'{self.topic} at {seconds(self.time_ns)} s'
 
 
 class Recording:
@@ -56,7 +45,7 @@ class Recording:
     Parameters
     ----------
     path : str or Path
-        A rosbag2 folder or a single .mcap or .db3 file.
+        A rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 bag.
 
     Raises
     ------
@@ -66,37 +55,33 @@ class Recording:
     """
 
     def __init__(self, path):
-        from rosbags.rosbag2 import Reader
         self.path = Path(path)
-        if not self.path.exists():
-            raise RecordingError(f'{path}: there is no such recording')
-        if self.path.is_dir() and not (self.path / 'metadata.yaml').exists():
-            raise RecordingError(f'{path}: no metadata.yaml inside: not a rosbag2 folder, or its '
-                                 'recorder was stopped before it had finished')
         with self._explained():
-            self._reader = Reader(self.path)
-            self._reader.open()
-        self.topics = {item.topic: item.msgtype for item in self._reader.connections}
+            self._source = opened(self.path)
+        connections = self._source.connections
+        self.topics = {item.topic: item.msgtype for item in connections}
         """Topic names to type names."""
-        self.counts = {item.topic: item.msgcount for item in self._reader.connections}
+        self.counts = dict.fromkeys(self.topics, 0)
         """Topic names to numbers of messages."""
-        self.latched = {item.topic for item in self._reader.connections if _is_latched(item)}
-        """Names of the topics that were transient local."""
+        for item in connections:
+            self.counts[item.topic] += item.msgcount
+        self.latched = {item.topic for item in connections if self._source.is_latched(item)}
+        """Names of the topics that were transient local (ROS 1: latched)."""
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
-        self._reader.close()
+        self._source.close()
 
     @property
     def duration(self):
         """Return the time between the first and the last message, s."""
-        return max(self._reader.duration - 1, 0) * 1e-9
+        return max(self._source.duration_ns, 0) * 1e-9
 
     def messages(self, topics=None):
         """
-        Yield every RecordedMessage in the order of time.
+        Yield every RecordedMessage in the order of time, also those that cannot be decoded.
 
         Parameters
         ----------
@@ -109,67 +94,39 @@ class Recording:
             Where the file is damaged.
 
         """
-        wanted = None if topics is None else set(topics)
-        connections = [item for item in self._reader.connections
-                       if wanted is None or item.topic in wanted]
+        wanted = set(self.topics if topics is None else topics)
         with self._explained():
-            for connection, time_ns, data in self._reader.messages(connections):
-                yield RecordedMessage(connection.topic, connection.msgtype, time_ns, bytes(data))
+            for connection, time_ns, data, damage in self._source.messages(wanted):
+                yield RecordedMessage(connection.topic, connection.msgtype, time_ns, data, damage)
 
     def decoded(self, message):
-        """Return a message as an object with the fields of its type, arrays as numpy arrays."""
-        with self._explained():
-            return typestore().deserialize_cdr(message.data, message.type)
-
-    def stereo_topics(self, namespace=None):
         """
-        Return the topics of the one stereo pair in the recording.
-
-        Parameters
-        ----------
-        namespace : str or None
-            The names before `left/image_raw`, for example '/cell_1'; None = find them.
-
-        Returns
-        -------
-        topics : StereoTopics
+        Return a message as an object with the fields of its type, arrays as numpy arrays.
 
         Raises
         ------
         RecordingError
-            If a topic is missing, empty or of another type, or if several pairs are there.
+            If the message is damaged; names its topic and time.
 
         """
-        namespace = self._namespace() if namespace is None else namespace.strip('/')
-        prefix = f'/{namespace}/' if namespace else '/'
-        found = StereoTopics(*(prefix + name for name in STEREO_TOPICS.names))
-        for topic, expected in zip(found.names, 2 * [Image.TYPE] + 2 * [CameraInfo.TYPE]):
-            self._check_topic(topic, expected)
-        return found
+        if message.damage is None:
+            try:
+                return typestore().deserialize_cdr(message.data, message.type)
+            except Exception as error:  # nearly anything, on damaged bytes
+                raise self._refusal(message, f'its bytes are no {message.type}') from error
+        raise self._refusal(message, message.damage)
 
-    def _namespace(self):
-        ending = '/' + STEREO_TOPICS.left_image
-        found = [topic.removesuffix(ending).strip('/') for topic in self.topics
-                 if topic.endswith(ending)]
-        if not found:
-            raise RecordingError(f'{self.path}: no topic ends with {ending}; it holds '
-                                 f'{self._listing()}')
-        if len(found) > 1:
-            raise RecordingError(f'{self.path}: several stereo pairs, choose a namespace: '
-                                 f'{", ".join("/" + name for name in sorted(found))}')
-        return found[0]
+    def check(self, message):
+        """Raise RecordingError for a damaged message; types that are not known here pass."""
+        if message.damage is not None or message.type in typestore().fielddefs:
+            self.decoded(message)
 
-    def _check_topic(self, topic, expected):
-        if topic not in self.topics:
-            raise RecordingError(f'{self.path}: no topic {topic}; it holds {self._listing()}')
-        if self.topics[topic] != expected:
-            raise RecordingError(f'{self.path}: {topic} is a {self.topics[topic]}, '
-                                 f'expected {expected}')
-        if not self.counts[topic]:
-            raise RecordingError(f'{self.path}: {topic} has no messages')
+    def _refusal(self, message, reason):
+        return RecordingError(f'{self.path}: the message on {message.place} is damaged: {reason}')
 
-    def _listing(self):
-        return ', '.join(sorted(self.topics)) or 'no topic at all'
+    def stereo_topics(self, namespace=None, named=NOTHING_NAMED):
+        """Return the StereoTopics of the one stereo pair, see `topics.stereo_topics`."""
+        return stereo_topics(self, namespace, named)
 
     @contextmanager
     def _explained(self):
@@ -185,7 +142,7 @@ class Recording:
 
 def _damage(error):
     """Return in one line, without Python's names, what `rosbags` found wrong with a file."""
-    from rosbags.rosbag2 import ReaderError
+    from rosbags import rosbag1, rosbag2
     text = ' '.join(str(error).split())
     if field := re.search(r"KeyError\('(\w+)'\)", text):
         return f'metadata.yaml has no field {field.group(1)}'
@@ -194,9 +151,11 @@ def _damage(error):
         return 'metadata.yaml is no YAML' + (f', see line {line.group(1)}' if line else '')
     if 'Invalid bag metadata' in text or isinstance(error, UnicodeDecodeError):
         return ('metadata.yaml' if 'metadata' in text else 'an entry') + ' has impossible contents'
-    return text.rstrip('.') if isinstance(error, ReaderError) and text else 'it cannot be decoded'
+    known = rosbag1.ReaderError, rosbag2.ReaderError
+    return text.rstrip('.') if isinstance(error, known) and text else 'it cannot be decoded'
 
 
-def _is_latched(connection):
-    profiles = connection.ext.offered_qos_profiles
-    return any(profile.durability.name == 'TRANSIENT_LOCAL' for profile in profiles)
+def seconds(time_ns):
+    """Return a time in ns as text in s, without rounding."""
+    whole, rest = divmod(abs(time_ns), 1_000_000_000)
+    return f'{"-" * (time_ns < 0)}{whole}.{rest:09d}'

@@ -10,6 +10,11 @@ import numpy as np
 @lru_cache(maxsize=1)
 def typestore():
     """Return the message types of ROS 2 Jazzy."""
+    return new_typestore()
+
+
+def new_typestore():
+    """Return the message types of ROS 2 Jazzy, a set of its own to which types may be added."""
     from rosbags.typesys import Stores, get_typestore
     return get_typestore(Stores.ROS2_JAZZY)
 

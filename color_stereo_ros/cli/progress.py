@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Progress bars that also tell something when standard error is a file or a pipe."""
+
+import sys
+
+from tqdm import tqdm
+
+LINE_EVERY = 5.0  # s between two lines in a file
+
+
+class Progress(tqdm):
+    """
+    A progress bar on a terminal; elsewhere a line at the start, at the end and now and then.
+
+    Parameters are those of `tqdm.tqdm`.
+
+    """
+
+    def __init__(self, *arguments, **options):
+        terminal = sys.stderr.isatty()
+        if not terminal:
+            options = {'mininterval': LINE_EVERY, 'ncols': 80, **options, 'leave': True}
+        super().__init__(*arguments, file=sys.stderr, **options)
+
+    @staticmethod
+    def status_printer(file):
+        """Return the function that shows a state of the bar."""
+        if getattr(file, 'isatty', bool)():
+            return tqdm.status_printer(file)
+
+        def show(line):
+            if text := line.replace('\r', '').rstrip():
+                file.write(f'{text}\n')
+                file.flush()
+        return show
+
+    def say(self, text):
+        """Print a sentence on standard error, above the bar."""
+        if sys.stderr.isatty():
+            self.write(text, file=sys.stderr)
+        else:
+            print(text, file=sys.stderr, flush=True)
