@@ -45,7 +45,7 @@ def claimed(folder, command, names, *, overwrite=False):
     was_there = folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with _held(mark, folder):
+        with held(mark, folder):
             yield
     except BaseException:
         if not was_there:
@@ -55,8 +55,16 @@ def claimed(folder, command, names, *, overwrite=False):
 
 
 @contextmanager
-def _held(mark, folder):
-    """Hold the lock of a file that stands for a folder, and remove it at the end."""
+def held(mark, folder):
+    """
+    Hold the lock of a file that stands for a folder, and remove it at the end.
+
+    Raises
+    ------
+    RecordingError
+        If another process holds it.
+
+    """
     lock = _lock_of(mark, folder)
     try:
         yield
