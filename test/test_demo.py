@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 from color_stereo_ros.cli import main as cli
+from color_stereo_ros.files.claim import held
 from color_stereo_ros.files.image import write_image
 from color_stereo_ros.parameters.files import settings_text
 from color_stereo_ros.recordings.reading import Recording
@@ -268,7 +269,7 @@ def test_conversion_goes_on_after_a_bad_image(tmp_path, recorded, capsys):
     topic, kind, time, data = rows[at]
     rows[at] = (topic, kind, time, data.replace(b'rgb8', b'rgbx'))
     status, said = converted_from(tmp_path, rows, capsys)
-    assert status == 0
+    assert status == cli.PARTLY
     assert "encoding = 'rgbx' is not supported" in said.out + said.err
     assert '1 pairs measured, 1 refused' in said.out
 
@@ -301,3 +302,14 @@ def test_process_with_a_yaml_that_is_no_calibration_says_so(tmp_path, scene_fold
                      str(tmp_path / 'out')]) == 1
     assert 'bad.yaml' in capsys.readouterr().err
     assert not (tmp_path / 'out').exists()
+
+
+def test_of_two_demos_that_fill_one_folder_the_second_refuses(tmp_path, recorded, capsys):
+    samples = tmp_path / 'samples' / 'card'
+    samples.mkdir(parents=True)
+    recorded.rename(samples / 'recording')
+    with held(tmp_path / '.output.color_stereo_demo', tmp_path / 'output'):
+        assert cli.main(['demo', '--samples', str(samples.parent), '--output',
+                         str(tmp_path / 'output')]) == 1
+    assert 'another process is writing into it' in capsys.readouterr().err
+    assert not (tmp_path / 'output').exists()

@@ -132,7 +132,8 @@ def test_a_message_that_cannot_be_unpacked_is_refused_and_the_rest_measured(tmp_
     database.close()
     status, said = converted(tmp_path, path, capsys)
     assert status == cli.PARTLY
-    assert f'{USUAL[0]} at {seconds(usual_stamp(1))} s is damaged: it cannot be unpacked' in said.err
+    assert (f'{USUAL[0]} at {seconds(usual_stamp(1))} s is damaged: it cannot be unpacked'
+            in said.err)
     assert [row[1] for row in depths(tmp_path / 'result')] == [usual_stamp(0), usual_stamp(2)]
 
 
@@ -144,6 +145,17 @@ def test_a_pair_that_is_refused_shows_in_the_exit_status_with_topic_and_time(tmp
     assert status == cli.PARTLY
     assert '2 pairs measured, 1 refused' in said.out
     assert f'recorded at {seconds(usual_stamp(1))} s, refused: {USUAL[1]}: ' in said.err
+    assert 'warning: 1 pairs refused; the first: pair of stamp' in said.err.splitlines()[-1]
+
+
+def test_many_refused_pairs_are_counted_and_only_the_first_are_told(tmp_path, capsys):
+    def damage(index, name, data):
+        return data.replace(b'rgb8', b'rgbX') if index and name == USUAL[1] else None
+
+    path = recorded(tmp_path / 'bag', pairs=12, damage=damage)
+    status, said = converted(tmp_path, path, capsys)
+    assert status == cli.PARTLY and '1 pairs measured, 11 refused' in said.out
+    assert said.err.count('refused: ') == 6 and '11 pairs refused' in said.err
 
 
 def test_a_recording_of_damaged_messages_only_has_no_result(tmp_path, capsys):

@@ -211,6 +211,20 @@ def test_process_replaces_its_own_files_and_leaves_others_alone(tmp_path):
     assert (output / 'notes.txt').read_text() == 'mine'
 
 
+def test_the_folder_of_a_killed_run_is_known_as_its_own(tmp_path, writing):
+    output = tmp_path / 'result'
+    process = writing('claim', output)
+    (output / 'a.txt').write_text('half of the result')
+    process.kill()
+    process.wait()
+    with claimed(output, 'test', ['a.txt', 'b.txt']):
+        pass
+    with pytest.raises(RecordingError, match='a.txt: exists already'):
+        with claimed(output, 'test', ['a.txt', 'b.txt']):
+            pass
+    assert names_in(output) == ['a.txt']
+
+
 def test_a_failed_process_leaves_no_folder(tmp_path, capsys):
     words = process_words(tmp_path / 'out')
     words[1] = str(tmp_path / 'missing.png')

@@ -60,6 +60,8 @@ def run(args):
             sensor.finish()
     print(f'{args.result}: {sensor.measured} pairs measured, {sensor.failed} refused, '
           f'{sensor.unpaired} images without partner or calibration')
+    if sensor.failed:
+        warn(f'{sensor.failed} pairs refused; the first: {sensor.first_failure}')
     if sensor.refusals:
         warn(f'{sensor.refusals}; the first: {sensor.refusals.first}')
     return None if sensor.complete else PARTLY

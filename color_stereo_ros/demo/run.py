@@ -15,6 +15,7 @@ from ..core import RangeResult, RecordingError, Settings, StereoCalibration
 from ..core.triangulation import disparity_from_depth, disparity_limits
 from ..evaluation.datasets import load_truth
 from ..files.atomic import write_bytes, write_text
+from ..files.claim import held
 from ..files.cloud import save_cloud
 from ..files.image import write_image
 from ..messages.outputs import millimeters
@@ -70,6 +71,11 @@ class Demo:
 
     def run(self):
         """Return the path of the page."""
+        whole = self.output.resolve()
+        with held(whole.with_name(f'.{whole.name}.color_stereo_demo'), self.output):
+            return self._run()
+
+    def _run(self):
         self._make_room()
         write_text(self.output / MARK,
                    'Made by `color_stereo demo`, which replaces this folder.\n')

@@ -17,7 +17,7 @@ from ..messages.reading import image_to_rgb, stamp_ns
 from ..messages.synchronizer import Synchronizer
 from ..patience import patience
 from .reading import seconds
-from .refusals import Refusals
+from .refusals import Refusals, TOLD
 from .times import OutputTimes
 
 WAITING = 50
@@ -66,6 +66,8 @@ class OfflineSensor:
         """Pairs that gave a result."""
         self.failed = 0
         """Pairs that were refused."""
+        self.first_failure = None
+        """Which pair was refused first, and why, as text; None if none was."""
         self.unpaired = 0
         """Images that found no partner, or no calibration in time."""
         self.refusals = Refusals(say)
@@ -123,7 +125,7 @@ class OfflineSensor:
         if self._watch.missing:
             return f'no camera_info of the {" and the ".join(self._watch.missing)} camera'
         if self.failed:
-            return f'all {self.failed} pairs were refused'
+            return f'all {self.failed} pairs were refused; the first: {self.first_failure}'
         return 'no left and right image have stamps that fit together'
 
     def _recalibrate(self):
@@ -142,13 +144,21 @@ class OfflineSensor:
                 result = self._stereo.process(_rgb(pair.left, self._topics.left_image),
                                               _rgb(pair.right, self._topics.right_image))
             except ColorStereoError as error:
-                self.failed += 1
-                self._say(f'pair of stamp {pair.stamp} ns, recorded at {seconds(recorded)} s, '
-                          f'refused: {error}')
+                self._refuse(f'pair of stamp {pair.stamp} ns, recorded at {seconds(recorded)} s, '
+                             f'refused: {error}')
                 continue
             header = Header.of(pair.left.header)
             self._write(result, header, self._times.of(pair.stamp, recorded))
             self.measured += 1
+
+    def _refuse(self, text):
+        """Count a pair; the first ones are told one by one."""
+        self.failed += 1
+        self.first_failure = self.first_failure or text
+        if self.failed <= TOLD:
+            self._say(text)
+        elif self.failed == TOLD + 1:
+            self._say('more pairs are refused; they are counted at the end')
 
     def _write(self, result, header, time_ns):
         """Append the outputs."""

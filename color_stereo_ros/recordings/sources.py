@@ -60,7 +60,8 @@ def _check_folder(path):
     """Refuse a folder that is no rosbag2 recording."""
     if (path / 'metadata.yaml').exists():
         return
-    files = sorted(item.name for item in path.iterdir() if item.suffix in ('.mcap', '.db3', '.bag'))
+    files = sorted(item.name for item in path.iterdir()
+                   if item.suffix in ('.mcap', '.db3', '.bag'))
     advice = f'; it holds {", ".join(files[:5])}: name one of these files' if files else ''
     raise RecordingError(f'{path}: no metadata.yaml inside: not a rosbag2 folder, or its recorder '
                          f'was stopped before it had finished{advice}')
