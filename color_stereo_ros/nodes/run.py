@@ -11,6 +11,8 @@ from .environment import prepare
 
 _POLL = 0.1
 """s until a signal is noticed by an idle node."""
+_TRACE = 4000
+"""Characters of a traceback that are logged."""
 
 
 def run(make_node, args=None):
@@ -50,7 +52,7 @@ def _run(make_node, args, stop):
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    from ..errors import ColorStereoError
+    from ..errors import bounded, ColorStereoError
 
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -62,7 +64,7 @@ def _run(make_node, args, stop):
         node = make_node()
         _spin(node, stop)
     except ColorStereoError as error:
-        rclpy.logging.get_logger('color_stereo_ros').fatal(str(error))
+        rclpy.logging.get_logger('color_stereo_ros').fatal(bounded(str(error)))
         return 1
     finally:
         if node is not None:
@@ -76,9 +78,10 @@ def _spin(node, stop):
     # the experimental EventsExecutor of Jazzy hangs in some builds: no timer ever fires
     from rclpy.executors import SingleThreadedExecutor
 
+    from ..errors import bounded
     from .complaints import Complaints
 
-    complain = Complaints(lambda text: node.get_logger().error(text))
+    complain = Complaints(lambda text: node.get_logger().error(bounded(text, _TRACE)))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     while node.context.ok() and not stop.is_set():

@@ -14,6 +14,7 @@ from ..messages.calibration_watch import CalibrationWatch
 from ..messages.contents import Header, Image
 from ..messages.outputs import Context, OUTPUTS
 from ..messages.reading import image_to_rgb, stamp_ns
+from ..messages.significant_bits import SignificantBits
 from ..messages.synchronizer import Synchronizer
 from ..patience import patience
 
@@ -53,6 +54,7 @@ class OfflineSensor:
         self._watch = CalibrationWatch(self._recalibrate, clock=self._clock)
         self._stereo = None
         self._waiting = deque(maxlen=WAITING)
+        self._values = SignificantBits()
         self.measured = 0
         """Pairs that gave a result."""
         self.failed = 0
@@ -115,13 +117,23 @@ class OfflineSensor:
         while self._stereo is not None and self._waiting:
             pair = self._waiting.popleft()
             try:
-                result = self._stereo.process(image_to_rgb(pair.left), image_to_rgb(pair.right))
+                result = self._stereo.process(*self._images_of(pair))
             except ColorStereoError as error:
                 self.failed += 1
                 self._say(f'pair of stamp {stamp_ns(pair.left.header)} ns refused: {error}')
                 continue
             self._write(result, Header.of(pair.left.header))
             self.measured += 1
+
+    def _images_of(self, pair):
+        """Return both images of a pair as RGB, and say once what is odd about their values."""
+        bits = self._settings.input.significant_bits
+        images = image_to_rgb(pair.left, bits), image_to_rgb(pair.right, bits)
+        self._values.note(pair)
+        news = self._values.news(bits)
+        if news:
+            self._say(news)
+        return images
 
     def _write(self, result, header):
         """Append the outputs at their own stamp."""

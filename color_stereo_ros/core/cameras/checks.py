@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ...errors import CalibrationError
+from ...errors import brief, CalibrationError
 from .lenses import LENSES
 
 ROTATION_TOLERANCE = 1e-3    # largest deviation of R R^T from the identity
@@ -40,8 +40,8 @@ def check_distortion(camera):
     """Refuse an unknown lens model and a number of coefficients that it cannot have."""
     model = camera.distortion_model
     if model not in LENSES:
-        raise CalibrationError(f'{camera.name} distortion_model = {model!r} is unknown, expected '
-                               f'one of {", ".join(LENSES)}')
+        raise CalibrationError(f'{camera.name} distortion_model = {brief(model)} is unknown, '
+                               f'expected one of {", ".join(LENSES)}')
     lengths = LENSES[model].lengths
     if camera.D.size not in lengths:
         raise CalibrationError(

@@ -4,6 +4,7 @@
 from rclpy.clock import Clock, ClockType
 
 from ...core.triangulation import disparity_limits
+from ...errors import bounded
 from ...messages.outputs import Context
 from .capture import Capture
 from .diagnostics import Diagnostics
@@ -40,7 +41,7 @@ class RangeSensor:
         self.skipped = 0
         """Pairs that nobody wanted."""
         self.outputs = Outputs(node)
-        self.pattern = PatternWatch(node, self.settings.pattern)
+        self.pattern = PatternWatch(node, parameters)
         self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger,
                              self.outputs.prepare)
         self.inputs = StereoInputs(node, parameters, self._take_pair, self._recalibrate)
@@ -71,14 +72,14 @@ class RangeSensor:
         watch = self.inputs.calibration
         self.worker.configure(Setup(watch.calibration, self.settings))
         if watch.error is not None:
-            self._logger.error(f'calibration refused: {watch.error}')
+            self._logger.error(bounded(f'calibration refused: {watch.error}'))
         elif watch.calibration is not None:
             geometry = watch.calibration.geometry
             self._logger.info(
                 f'calibration taken: {geometry.width} x {geometry.height} px, focal length '
                 f'{geometry.focal_x:.1f} px, baseline {geometry.baseline * 1000:.1f} mm')
             for warning in watch.warnings:
-                self._logger.warning(warning)
+                self._logger.warning(bounded(warning))
 
     def _take_pair(self, pair):
         """Hand a pair to the worker if anybody wants it; runs in the executor's thread."""
@@ -103,25 +104,50 @@ class RangeSensor:
     def _fail(self, pair, text):
         self.capture.fail(pair, text)
 
-    def why_no_result(self, patience):
-        """Say why a request got no result in time."""
+    def why_no_result(self, request, patience):
+        """
+        Say why a request got no result in time.
+
+        Parameters
+        ----------
+        request : capture.Request
+        patience : float
+            s for which it has waited.
+
+        Returns
+        -------
+        text : str
+
+        """
         watch = self.inputs.calibration
-        refusals = [text for text in self.inputs.refusals.values() if text]
         if not self.active:
             return 'the node is inactive'
         if self.worker.state != 'ready':
             return f'the node is {self.worker.state}'
-        if refusals:
-            return '; '.join(refusals)
-        return watch.error or self.inputs.synchronizer.complaint(0.0) or (
-            f'no pair that was taken after the call has arrived within {patience:.1f} s')
+        if request.acquired:
+            return (f'the pair has arrived, but it is not measured yet, {patience:.1f} s after '
+                    'the call: raise sync.warn_after')
+        return (self.inputs.refusal() or watch.error or self.inputs.complaint(patience)
+                or self._about_pairs_before(request, patience))
+
+    def _about_pairs_before(self, request, patience):
+        """Say how the stamps of the pairs that do arrive lie before a call."""
+        text = f'no pair that was taken after the call has arrived within {patience:.1f} s'
+        if request.newest is None:
+            return text
+        return (f'{text}: pairs arrive, but the stamp of the latest one is '
+                f'{(request.stamp - request.newest) * 1e-9:.3f} s older than the call; the clocks '
+                'of cameras and node differ, or the images are under way for so long')
 
     def _look_after(self):
         self.inputs.follow()
+        self.pattern.follow()
         self.outputs.look_for_mismatches()
-        complaint = self.inputs.synchronizer.complaint(self.settings.sync.warn_after)
-        if complaint:
-            self._logger.warning(complaint, throttle_duration_sec=_WARN_PERIOD)
+        complaint = self.inputs.complaint(self.settings.sync.warn_after)
+        if self.inputs.refusal():
+            pass  # said when it came
+        elif complaint:
+            self._logger.warning(bounded(complaint), throttle_duration_sec=_WARN_PERIOD)
         elif self.inputs.calibration.calibration is None and self.inputs.calibration.missing:
             if self.inputs.synchronizer.report().pairs:
                 self._logger.warning(
