@@ -61,11 +61,14 @@ class FollowingSubscription:
             qos_overriding_options=options)
 
     def _take(self, msg):
+        self._callback(msg)
         if self._raw:
             self._sizes.note(len(msg))
-        self._callback(msg)
+            if self._sizes.are_usual_again():
+                self._create_again()  # now, since the next message is a frame period away
 
     def _create_again(self):
+        """Subscribe anew; the middleware gives back what its largest messages have taken."""
         self._node.destroy_subscription(self._subscription)
         self._sizes = _Sizes()
         self._subscription = self._create()
@@ -91,8 +94,8 @@ class FollowingSubscription:
             self._create_again()
             self._node.get_logger().info(f'{self.name}: subscribed {self.kind} as the publishers '
                                          'offer')
-        elif self._sizes.are_usual_again():
-            self._create_again()  # the middleware keeps the memory of its largest messages
+        elif self._sizes.are_usual_again() and self._sizes.are_quiet():
+            self._create_again()
         policies = (incompatible_policy(profile, self._profile) for profile in profiles)
         self.mismatch = next(filter(None, policies), None)
 
@@ -112,10 +115,11 @@ class _Sizes:
 
     def __init__(self):
         self._largest = self._usual = 0
-        self._when = time.monotonic()
+        self._when = self._latest = time.monotonic()
 
     def note(self, size):
         """Take down a message of so many bytes."""
+        self._latest = time.monotonic()
         if size < self._largest - _LARGE:
             self._usual = size
             return
@@ -127,6 +131,10 @@ class _Sizes:
         """Tell whether messages far larger than others have not come for a while."""
         return bool(self._usual and self._largest > self._usual + _LARGE
                     and time.monotonic() - self._when > _QUIET)
+
+    def are_quiet(self):
+        """Tell whether no message has come for a while."""
+        return time.monotonic() - self._latest > _QUIET
 
 
 def _reliability(profiles):

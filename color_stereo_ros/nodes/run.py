@@ -7,6 +7,7 @@ import sys
 import threading
 import traceback
 
+from . import usage as help_text
 from .environment import prepare
 
 _POLL = 0.1
@@ -15,7 +16,7 @@ _TRACE = 4000
 """Characters of a traceback that are logged."""
 
 
-def run(make_node, args=None):
+def run(make_node, args=None, usage=None):
     """
     Run a node until SIGINT, SIGTERM or the shutdown of ROS.
 
@@ -27,13 +28,19 @@ def run(make_node, args=None):
         Returns the node. It is called after rclpy is ready, and may import what takes time.
     args : list of str, optional
         Command line; default sys.argv.
+    usage : callable, optional
+        Returns the `Usage` that is printed, instead of starting the node, if the command line
+        asks for help.
 
     Returns
     -------
     status : int
-        0 after a clean end, 1 if the settings are refused.
+        0 after a clean end or the help, 1 if the settings are refused.
 
     """
+    if usage is not None and help_text.is_wanted(sys.argv[1:] if args is None else args):
+        help_text.show(usage())
+        return 0
     # rclpy's own handlers end the context while callbacks and threads still use it
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -18,14 +18,17 @@ class RowColors:
     make : callable
         Called with a slice of rows, returns their colors: numbers 0 .. 1 that broadcast to
         (rows, width, 3). Each slice is asked for once, in the order of the rows.
+    least : int
+        Rows of a slice that are worth a call.
 
     """
 
-    def __init__(self, make):
+    def __init__(self, make, least=1):
         self.make = make
+        self.least = least
 
 
-def slices(count, size):
+def slices(count, size, least=1):
     """
     Yield slices that cover 0 .. count in pieces.
 
@@ -35,9 +38,11 @@ def slices(count, size):
         Rows or columns.
     size : int
         Numbers in each of them.
+    least : int
+        Rows or columns of a piece.
 
     """
-    step = max(1, PIECE // size)
+    step = max(least, PIECE // size)
     for first in range(0, count, step):
         yield slice(first, min(first + step, count))
 

@@ -35,7 +35,7 @@ def make_pattern(settings=PatternSettings()):
     colors = make(settings)
     out = np.empty((settings.height, settings.width, 3), np.uint8)
     if isinstance(colors, RowColors):
-        for rows in slices(settings.height, 3 * settings.width):
+        for rows in slices(settings.height, 3 * settings.width, colors.least):
             out[rows] = np.rint(255.0 * np.asarray(colors.make(rows)))
     else:
         out[...] = np.rint(255.0 * np.asarray(colors)).astype(np.uint8)

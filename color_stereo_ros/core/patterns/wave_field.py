@@ -9,6 +9,7 @@ from .pattern import Pattern, Repeats
 WAVES = 96       # superposed, chosen: their sum looks random in every direction
 WAVE_SPAN = 4.0  # longest over shortest wave, chosen: two octaves
 WAVE_CLIP = 2.0  # standard deviations from middle to full intensity, chosen: 5 % are clipped
+ROWS = 64        # of a product of matrices that is worth its call
 KEPT = 64 * PIECE  # numbers of a field that is kept; a larger one is made anew for each pass
 
 
@@ -36,7 +37,7 @@ def make(settings):
     if settings.height * size <= KEPT:
         field = field(slice(None)).__getitem__
     scale = WAVE_CLIP * _deviation(field, settings.height, settings.width)
-    return RowColors(lambda rows: np.clip(0.5 + 0.5 * field(rows) / scale, 0.0, 1.0))
+    return RowColors(lambda rows: np.clip(0.5 + 0.5 * field(rows) / scale, 0.0, 1.0), ROWS)
 
 
 def _deviation(field, height, width):
@@ -45,7 +46,7 @@ def _deviation(field, height, width):
 
     def total(function):
         found = None
-        for rows in slices(height, 3 * width):
+        for rows in slices(height, 3 * width, ROWS):
             values = function(field(rows)).reshape(-1, 3)
             # NumPy adds pixel by pixel along the first axis: go on from the sum so far
             found = np.add.reduce(values if found is None else np.vstack([found, values]), axis=0)

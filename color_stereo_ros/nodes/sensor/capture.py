@@ -31,8 +31,8 @@ class Request:
     result: object = None
     header: object = None
     rotation: object = None
-    newest: object = None
-    """Stamp of the latest pair that arrived after the call but was taken before, ns, or None."""
+    age: object = None
+    """Of the latest pair that arrived after the call but was taken before, on arrival, ns."""
     _passed: int = 0
 
     def accepts(self, pair):
@@ -41,7 +41,7 @@ class Request:
             return False
         if abs(pair.stamp - self.stamp) < _COMPARABLE:
             if pair.stamp < self.stamp:
-                self.newest = pair.stamp
+                self.age = self.stamp + (pair.arrival - self.moment) * 1e9 - pair.stamp
             return pair.stamp >= self.stamp
         # stamps of another clock: the first pair may have been under way already
         self._passed += 1

@@ -27,12 +27,13 @@ class RangeSensor:
     ----------
     node : rclpy.node.Node
     parameters : NodeParameters
+    folder : SaveFolder
     active : bool
         Measure at once. False: take calibrations and get ready, but measure no pair.
 
     """
 
-    def __init__(self, node, parameters, active=True):
+    def __init__(self, node, parameters, folder, active=True):
         self._node = node
         self.active = active
         """Whether pairs are measured."""
@@ -48,7 +49,7 @@ class RangeSensor:
         self.diagnostics = Diagnostics(node, self)
         self._services = ServiceThread(node)
         self.capture = Capture(node, self._services, self)
-        self.save = Save(node, self._services, self, self.capture)
+        self.save = Save(node, self._services, self, self.capture, folder)
         self._look_after_timer = node.create_timer(_LOOK_AFTER_PERIOD, self._look_after,
                                                    clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._services.start()
@@ -130,14 +131,14 @@ class RangeSensor:
         return (self.inputs.refusal() or watch.error or self.inputs.complaint(patience)
                 or self._about_pairs_before(request, patience))
 
-    def _about_pairs_before(self, request, patience):
-        """Say how the stamps of the pairs that do arrive lie before a call."""
+    @staticmethod
+    def _about_pairs_before(request, patience):
+        """Say how old the pairs are that do arrive."""
         text = f'no pair that was taken after the call has arrived within {patience:.1f} s'
-        if request.newest is None:
+        if request.age is None:
             return text
-        return (f'{text}: pairs arrive, but the stamp of the latest one is '
-                f'{(request.stamp - request.newest) * 1e-9:.3f} s older than the call; the clocks '
-                'of cameras and node differ, or the images are under way for so long')
+        return (f'{text}: pairs arrive, but their stamps are {request.age * 1e-9:.1f} s old then; '
+                'the clocks of cameras and node differ, or the images are under way for so long')
 
     def _look_after(self):
         self.inputs.follow()
