@@ -1,5 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one exception family of this package."""
+"""The one exception family of this package, and how its texts show what came from elsewhere."""
+
+_SHOWN = 80
+_BOUND = 1500
+
+
+def brief(value):
+    """
+    Return a foreign value as Python writes it, at most about 80 characters of it.
+
+    Parameters
+    ----------
+    value : object
+        For example a frame_id of somebody else's message, which may have any length.
+
+    Returns
+    -------
+    text : str
+        In quotes if the value is a text; the middle of a long one is replaced by its length.
+
+    """
+    text = repr(value[:2 * _SHOWN] + value[-2 * _SHOWN:]
+                if isinstance(value, str) and len(value) > 4 * _SHOWN else value)
+    if len(text) <= _SHOWN:
+        return text
+    length = len(value) if isinstance(value, str) else len(text)
+    return f'{text[:_SHOWN // 2]}... ({length} characters) ...{text[-_SHOWN // 4:]}'
+
+
+def bounded(text, limit=_BOUND):
+    """Return a text for a log or for diagnostics, its end cut off beyond a number of characters."""
+    return text if len(text) <= limit else f'{text[:limit]}... ({len(text)} characters)'
 
 
 class ColorStereoError(ValueError):

@@ -1,6 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """~/capture and ~/save over real DDS: one pair on request, and its points as a file."""
 
+from dataclasses import replace
+
+from color_stereo_ros.core import SettingsError
+from color_stereo_ros.nodes.sensor.save import SaveFolder
+from color_stereo_ros.parameters.groups import OutputSettings
+
 import numpy as np
 
 import pytest
@@ -18,10 +24,13 @@ from std_srvs.srv import Trigger
 def running(tmp_path_factory):
     """Yield a rig without any listener, and its node."""
     folder = tmp_path_factory.mktemp('capture')
-    parameters = {**PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0}
+    saved = folder / 'saved'
+    saved.mkdir()
+    parameters = {**PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0,
+                  'output.save_directory': saved, 'output.save_limit': 3}
     node = NodeProcess(folder / 'log.txt', parameters=parameters)
     rig = Rig()
-    rig.folder = folder
+    rig.folder = saved
     rig.wait_for_node()
     node.wait_until_said('ready after')
     yield rig
@@ -34,17 +43,20 @@ def running(tmp_path_factory):
 def rig(running):
     """Yield the rig with a node that streams."""
     running.received.clear()
-    assert running.set_parameters(input__mode='stream', output__save_directory=str(running.folder),
-                                  output__save_format='ply').successful
-    return running
+    assert running.set_parameters(input__mode='stream', output__save_format='ply').successful
+    yield running
+    for file in running.folder.iterdir():
+        file.unlink()
 
 
-def trigger(rig, name, feed_pairs=True):
-    """Call a trigger service while pairs arrive."""
+def trigger(rig, name, feed_pairs=True, age=0, skew=0):
+    """Call a trigger service while pairs arrive; age and skew of their stamps in ns."""
     def send():
         # a stamp of now, as a camera gives it
-        rig.stamp = rig.node.get_clock().now().nanoseconds
-        rig.send_pair(stamp=rig.stamp)
+        rig.stamp = rig.node.get_clock().now().nanoseconds - age
+        rig.send_infos()
+        rig.send_image('left', rig.stamp)
+        rig.send_image('right', rig.stamp + skew)
 
     timer = rig.node.create_timer(0.1, send) if feed_pairs else None
     try:
@@ -82,7 +94,21 @@ def test_capture_works_while_streaming(rig):
 def test_capture_without_cameras_fails_with_the_reason(rig):
     answer = trigger(rig, 'capture', feed_pairs=False)
     assert not answer.success
-    assert 'no pair for' in answer.message
+    assert 'no pair for' in answer.message and 'any more' in answer.message
+
+
+@pytest.mark.parametrize('stamps, reason', [
+    ({'age': 20_000_000_000}, 'pairs arrive, but their stamps are 20.0 s old'),
+    ({'skew': 450_000_000}, 'both images arrive, but their stamps differ by 450.0 ms')])
+def test_capture_gives_the_reason_of_pairs_that_do_not_count(rig, stamps, reason):
+    rig.set_parameters(sync__tolerance=0.01)
+    trigger(rig, 'capture', **stamps)  # the pairs before are of good stamps
+    answer = trigger(rig, 'capture', **stamps)
+    rig.set_parameters(sync__tolerance=0.0)
+    rig.stamp = rig.node.get_clock().now().nanoseconds
+    assert not answer.success
+    assert reason in answer.message
+    assert 'any more' not in answer.message and 'has arrived yet' not in answer.message
 
 
 def read_ply(path):
@@ -107,8 +133,6 @@ def test_save_writes_a_file_and_names_it(rig, suffix):
     if suffix == 'ply':
         points = read_ply(files[0])
         assert np.median(points['xyz'][:, 2]) == pytest.approx(0.36, rel=0.01)
-    for file in files:
-        file.unlink()
 
 
 def test_save_in_capture_mode_writes_what_was_captured(rig):
@@ -118,12 +142,79 @@ def test_save_in_capture_mode_writes_what_was_captured(rig):
     assert answer.success, answer.message
     stamp = captured.message.split()[1].rstrip(':').replace('.', '')
     assert f'range_node_{stamp}.ply' in answer.message
-    for file in rig.folder.glob('range_node_*'):
-        file.unlink()
 
 
-def test_save_into_a_missing_directory_fails_with_its_name(rig):
-    assert rig.set_parameters(output__save_directory='/no/such/folder').successful
-    answer = trigger(rig, 'save')
+def test_save_replaces_nothing_and_follows_no_link(rig, tmp_path):
+    assert rig.set_parameters(input__mode='capture').successful
+    stamp = trigger(rig, 'capture').message.split()[1].rstrip(':').replace('.', '')
+    (tmp_path / 'theirs').write_text('theirs')
+    (rig.folder / f'range_node_{stamp}.ply').symlink_to(tmp_path / 'theirs')
+    answer = trigger(rig, 'save', feed_pairs=False)
+    assert answer.success, answer.message
+    assert f'{rig.folder}/range_node_{stamp}_2.ply: ' in answer.message
+    assert (tmp_path / 'theirs').read_text() == 'theirs'
+    assert (rig.folder / f'range_node_{stamp}.ply').is_symlink()
+
+
+def test_save_leaves_no_more_files_than_its_limit(rig):
+    answers = [trigger(rig, 'save') for _ in range(4)]
+    assert [answer.success for answer in answers] == [True] * 3 + [False]
+    assert 'holds 3 files of this node, output.save_limit = 3' in answers[3].message
+    assert len(list(rig.folder.iterdir())) == 3
+
+
+@pytest.mark.parametrize('values', [
+    {'output__save_directory': '/tmp'}, {'output__save_directory': ''},
+    {'output__save_directory': '..'}, {'output__save_directory': 'x' * 100_000},
+    {'output__save_limit': 1_000_000}, {'output__save_directory_fixed': False}])
+def test_a_peer_cannot_choose_where_and_how_much_is_saved(rig, values):
+    result = rig.set_parameters(**values)
+    assert not result.successful
+    assert 'set it at the start' in result.reason and len(result.reason) < 500
+
+
+@pytest.fixture
+def folder_of(tmp_path):
+    """Return a function that makes the SaveFolder of a node that may change the folder."""
+    def build(name=''):
+        (tmp_path / 'root' / 'inner').mkdir(parents=True, exist_ok=True)
+        settings = OutputSettings(save_directory=str(tmp_path / 'root' / name),
+                                  save_directory_fixed=False)
+        return SaveFolder(settings), settings
+    return build
+
+
+@pytest.mark.parametrize('name', ['inner', './inner', 'inner/..', 'inner/later'])
+def test_a_folder_that_is_not_fixed_can_be_changed_inside_of_the_first_one(
+        folder_of, tmp_path, name):
+    folder, settings = folder_of()
+    changed = replace(settings, save_directory=name)
+    folder.check(changed)
+    assert folder.path(changed) == (tmp_path / 'root' / name).resolve()
+
+
+@pytest.mark.parametrize('name', ['..', '/', '/tmp', 'inner/../..', 'link', 'link/deeper', '\0'])
+def test_no_path_leads_out_of_the_folder_given_at_the_start(folder_of, tmp_path, name):
+    folder, settings = folder_of()
+    (tmp_path / 'root' / 'link').symlink_to(tmp_path)
+    with pytest.raises(SettingsError, match='outside of|is no path'):
+        folder.check(replace(settings, save_directory=name))
+
+
+def test_a_folder_that_becomes_a_link_is_left_alone(folder_of, tmp_path):
+    folder, settings = folder_of('inner')
+    (tmp_path / 'root' / 'inner').rmdir()
+    (tmp_path / 'root' / 'inner').symlink_to(tmp_path)
+    with pytest.raises(SettingsError, match='outside of'):
+        folder.path(settings)
+
+
+def test_save_into_a_missing_directory_fails_with_its_name(tmp_path):
+    node = NodeProcess(tmp_path / 'log.txt', arguments=['-r', '__ns:=/missing'],
+                       parameters={**PAPER, 'output.save_directory': '/no/such/folder'})
+    rig = Rig('/missing')
+    answer = rig.call(Trigger, '/missing/range_node/save', Trigger.Request())
     assert not answer.success
     assert "output.save_directory = '/no/such/folder' is no directory" in answer.message
+    assert node.stop() == 0
+    rig.close()

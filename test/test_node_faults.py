@@ -8,6 +8,7 @@ comes through with the right depth.
 """
 
 from array import array
+import json
 import resource
 import signal
 import subprocess
@@ -29,7 +30,9 @@ from ros_rig import (answering, calibration, HEIGHT, image_message, info_message
 
 from rosgraph_msgs.msg import Clock
 
-from sensor_msgs.msg import Image, PointCloud2, RegionOfInterest
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2, RegionOfInterest
+
+from std_msgs.msg import String
 
 from std_srvs.srv import Trigger
 
@@ -48,9 +51,13 @@ def depth_of(rig):
 @pytest.fixture(scope='module')
 def running(tmp_path_factory):
     """Yield a rig and the one node that most rows share."""
-    log = tmp_path_factory.mktemp('faults') / 'log.txt'
-    with answering(log, PARAMETERS, {DEPTH: Image}, DEPTH) as rig:
+    folder = tmp_path_factory.mktemp('faults')
+    saved = folder / 'saved'
+    saved.mkdir()
+    with answering(folder / 'log.txt', {**PARAMETERS, 'output.save_directory': saved},
+                   {DEPTH: Image}, DEPTH) as rig:
         rig.truth = depth_of(rig)
+        rig.saved = saved
         yield rig
 
 
@@ -623,6 +630,142 @@ def test_a_pinned_qos_that_does_not_fit_is_told(tmp_path):
     rig.close()
 
 
+def test_what_was_latched_before_the_node_came_is_taken(tmp_path):
+    latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    rig = Rig('/latched', qos=latched)
+    rig.listen(Image, DEPTH)
+    stamp = rig.send_pair()
+    node = NodeProcess(tmp_path / 'log.txt', parameters=PARAMETERS,
+                       arguments=['-r', '__ns:=/latched'])
+    depth = rig.await_output(DEPTH, stamp)
+    assert bytes(depth.data) == depth_of(rig)
+    values = values_of(rig.diagnose(lambda p: True, 'values')['inputs'])
+    for topic in ('left/image_raw', 'right/camera_info'):
+        assert values[f'/latched/{topic}'] == '1 publishers, subscribed reliable, transient_local'
+    assert node.stop() == 0
+    rig.close()
+
+
+def test_a_volatile_publisher_beside_a_latched_one_is_heard(rig):
+    latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    others = Rig(qos=latched)
+    rig.diagnose(lambda p: '2 publishers on /left/camera_info' in p['inputs'].message, 'both')
+    assert_good(rig)
+    others.close()
+    rig.diagnose(lambda p: p['inputs'].message == 'pairs arrive', 'one')
+
+
+def test_two_publishers_of_one_topic_are_named(rig):
+    before = len(rig.process.text())
+    second = Rig()
+    send_good(rig)
+    assert_told(rig, 'inputs', DiagnosticStatus.WARN,
+                *(f'2 publishers on /{side}/{topic} (/test_rig, /test_rig)'
+                  for side in ('left', 'right') for topic in ('image_raw', 'camera_info')))
+    rig.process.wait_until_said('2 publishers on /left/image_raw', since=before)
+    second.close()
+    send_good(rig)
+    rig.diagnose(lambda p: p['inputs'].message == 'pairs arrive', 'one publisher')
+
+
+@pytest.mark.parametrize('transport', ['compressed', 'theora'])
+def test_images_that_come_compressed_only_are_told_what_to_do(tmp_path, transport):
+    node = NodeProcess(tmp_path / 'log.txt', parameters=PARAMETERS,
+                       arguments=['-r', '__ns:=/small'])
+    rig = Rig('/small')
+    for side in ('left', 'right'):
+        rig.node.destroy_publisher(rig.publishers.pop((side, Image)))
+        rig.node.create_publisher(CompressedImage, f'{side}/image_raw/{transport}', 10)
+    words = [f'nobody publishes /small/{side}/image_raw, but /small/{side}/image_raw/{transport} '
+             'has a publisher' for side in ('left', 'right')]
+    command = (f'ros2 run image_transport republish --ros-args -p in_transport:={transport} '
+               f'-p out_transport:=raw -r in/{transport}:=/small/left/image_raw/{transport} '
+               '-r out:=/small/left/image_raw')
+    assert_told(rig, 'inputs', DiagnosticStatus.WARN, *words, command)
+    node.wait_until_said(command)
+    assert node.stop() == 0
+    rig.close()
+
+
+LONG = 'x' * 100_000
+
+
+def long_frame_of_the_image(rig):
+    """Send an image whose frame_id is long."""
+    msg = image_message(rig.images['left'])
+    msg.header.frame_id = LONG
+    rig.send_pair(left=msg)
+
+
+def long_frames_of_the_calibrations(rig):
+    """Send calibrations whose frame_id is long."""
+    for side in ('left', 'right'):
+        msg = info_message(getattr(rig.calibration, side))
+        msg.header.frame_id = LONG
+        rig.send_info(side, msg)
+    rig.send_pair(infos=False)
+
+
+def long_model(rig):
+    """Send a calibration whose distortion_model is long."""
+    rig.send_info('left', info_message(rig.calibration.left, distortion_model=LONG))
+    rig.send_info('right')
+
+
+def long_encoding(rig):
+    """Send an image whose encoding is long."""
+    rig.send_pair(left=image_message(rig.images['left'], encoding=LONG))
+
+
+def long_pattern(rig):
+    """Send a description of a pattern whose type is long."""
+    publisher = rig.node.create_publisher(String, 'pattern/info', 1)
+    rig.spin_until(publisher.get_subscription_count, 'the node')
+    for text in (LONG, json.dumps({'pattern': {'type': LONG[:9000]}, 'sha256': LONG[:100]}),
+                 '[' * 9000):
+        publisher.publish(String(data=text))
+    rig.diagnose(lambda p: 'cannot be read' in p['pattern'].message, 'the last one')
+    rig.node.destroy_publisher(publisher)
+
+
+@pytest.mark.parametrize('send, part, words', [
+    (long_frame_of_the_image, 'calibration', 'left image has frame_id'),
+    (long_frames_of_the_calibrations, 'calibration', 'does not say "optical"'),
+    (long_model, 'calibration', "(100000 characters)"),
+    (long_encoding, 'inputs', 'is not supported'),
+    (long_pattern, 'pattern', 'cannot be read')])
+def test_foreign_texts_are_bounded_in_log_and_diagnostics(rig, send, part, words):
+    before = len(rig.process.text())
+    send(rig)
+    parts = rig.diagnose(lambda p: words in p[part].message, words)
+    assert all(len(text) < 2000 for status in parts.values()
+               for text in (status.message, *values_of(status).values()))
+    rig.spin(0.2)
+    said = rig.process.text()[before:]
+    assert 'x' * 10 in said or send is long_pattern
+    assert max(map(len, said.splitlines())) < 2000 and LONG[:1000] not in said
+
+
+def test_after_an_absurd_image_the_memory_goes_back(rig):
+    send_good(rig, 20)
+    before = rig.process.memory()
+    for size in ((5000, 7000), (3000, 7000)):  # 105 MB and 63 MB
+        rig.send_image('left', rig.tick(), image_message(np.full((*size, 3), 77, np.uint8)))
+        rig.diagnose(lambda p: True, 'it')
+    count = [int(values_of(rig.diagnose(lambda p: True, 'it')['inputs'])['left received'])]
+    assert count[0] > 20
+
+    sent = []
+
+    def settled():
+        sent.extend(send_good(rig))
+        rig.spin(0.1)  # as cameras send; the next image is a frame period away
+        return rig.process.memory() < before + 20_000  # kB
+
+    rig.spin_until(settled, 'the memory')
+    assert rig.stamps(DEPTH)[-len(sent):] == sent
+
+
 def test_a_subscriber_with_incompatible_qos_is_told(rig):
     demanding = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
     subscription = rig.node.create_subscription(Image, 'status/image', print, demanding)
@@ -700,8 +843,8 @@ def test_two_nodes_in_two_namespaces_keep_apart(tmp_path):
         rig.close()
 
 
-def test_a_full_disk_fails_the_save_and_leaves_no_file(rig, tmp_path):
-    assert rig.set_parameters(output__save_directory=str(tmp_path)).successful
+def test_a_full_disk_fails_the_save_and_leaves_no_file(rig):
+    saved = rig.saved
     pid = rig.process.process.pid
     limits = resource.prlimit(pid, resource.RLIMIT_FSIZE)
     timer = rig.node.create_timer(0.1, lambda: rig.send_pair(stamp=time.time_ns()))
@@ -709,12 +852,12 @@ def test_a_full_disk_fails_the_save_and_leaves_no_file(rig, tmp_path):
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (16384, limits[1]))
         answer = rig.call(Trigger, '/range_node/save', Trigger.Request())
         assert not answer.success
-        assert f'{tmp_path}' in answer.message and 'cannot be written' in answer.message
-        assert list(tmp_path.iterdir()) == []
+        assert f'{saved}' in answer.message and 'cannot be written' in answer.message
+        assert list(saved.iterdir()) == []
         resource.prlimit(pid, resource.RLIMIT_FSIZE, limits)
         answer = rig.call(Trigger, '/range_node/save', Trigger.Request())
         assert answer.success, answer.message
-        assert len(list(tmp_path.iterdir())) == 1
+        assert len(list(saved.iterdir())) == 1
     finally:
         resource.prlimit(pid, resource.RLIMIT_FSIZE, limits)
         rig.node.destroy_timer(timer)

@@ -41,6 +41,8 @@ class AccountTuning(Constants):
 TUNING = AccountTuning()
 FEW = TUNING.few_ranges
 """Below this share of pixels with a range something is wrong."""
+SUSPICIOUS = TUNING.suspicious_share
+"""Below this share of pixels with a range the images may be swapped."""
 
 
 def status_shares(status):
@@ -118,12 +120,23 @@ def doubts_about_result(stereo, left, right, result):
         Sentences for people; empty if nothing is odd.
 
     """
-    doubts = []
-    if result.density < TUNING.suspicious_share:
-        swapped = stereo.process(right, left).density
-        if swapped > max(TUNING.swapped_share, TUNING.swapped_ratio * result.density):
-            doubts.append(f'left and right image swapped? The other way round {swapped:.1%} of '
-                          f'the pixels have a range, as given {result.density:.1%}')
-    if result.density < FEW:
-        doubts.append(f'hardly any pixel has a range; {main_reason(status_shares(result.status))}')
-    return doubts
+    few = doubt_about_ranges(status_shares(result.status))
+    return [*doubts_about_order(stereo, left, right, result), *filter(None, [few])]
+
+
+def doubts_about_order(stereo, left, right, result):
+    """Return the part of `doubts_about_result` that may measure the pair a second time."""
+    if result.density >= SUSPICIOUS:
+        return []
+    swapped = stereo.process(right, left).density
+    if swapped <= max(TUNING.swapped_share, TUNING.swapped_ratio * result.density):
+        return []
+    return [f'left and right image swapped? The other way round {swapped:.1%} of the pixels have '
+            f'a range, as given {result.density:.1%}']
+
+
+def doubt_about_ranges(shares):
+    """Return that hardly any pixel has a range, with the main reason; None if enough have one."""
+    if shares[Status.VALID.label] >= FEW:
+        return None
+    return f'hardly any pixel has a range; {main_reason(shares)}'

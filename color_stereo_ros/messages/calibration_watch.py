@@ -5,7 +5,7 @@ import time
 
 from ..core.cameras.calibration import StereoCalibration
 from ..core.cameras.checks import check_rotation
-from ..errors import CalibrationError
+from ..errors import brief, CalibrationError
 from .synchronizer import SIDES
 
 _SETTLING = 0.5
@@ -145,6 +145,6 @@ def _oddities(left):
     if not frame:
         return ['left camera_info has an empty frame_id: the points have no frame']
     if 'optical' not in frame:
-        return [f'left frame_id {frame!r} does not say "optical" (REP 103): if it is a body '
+        return [f'left frame_id {brief(frame)} does not say "optical" (REP 103): if it is a body '
                 'frame, the points appear turned by 90 degrees']
     return []

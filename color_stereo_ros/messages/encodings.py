@@ -4,6 +4,8 @@
 import cv2
 import numpy as np
 
+from ..errors import brief
+
 PLAIN = {'rgb8': (3, None), 'bgr8': (3, cv2.COLOR_BGR2RGB),
          'rgba8': (4, cv2.COLOR_RGBA2RGB), 'bgra8': (4, cv2.COLOR_BGRA2RGB)}
 """Channels of an encoding, and OpenCV's conversion to RGB."""
@@ -42,4 +44,4 @@ def complaint(encoding):
         reason = 'is empty'
     else:
         reason = 'is not supported'
-    return f'encoding = {encoding!r} {reason}; expected one of {", ".join(READ)}'
+    return f'encoding = {brief(encoding)} {reason}; expected one of {", ".join(READ)}'

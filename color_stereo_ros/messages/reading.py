@@ -20,14 +20,17 @@ _MIN_BAYER_SIZE = 3
 _MAX_SIDE = 32767  # OpenCV's remap stores coordinates in 16 bits
 
 
-def image_to_rgb(msg):
+def image_to_rgb(msg, significant_bits=16):
     """
     Return the image of a message as RGB.
 
     Parameters
     ----------
     msg : sensor_msgs.msg.Image
-        Any of `encodings.READ`. Of 16-bit Bayer images (full scale 65535) the high byte is used.
+        Any of `encodings.READ`.
+    significant_bits : int
+        8 .. 16: of 16-bit Bayer images, whose full scale is 2^significant_bits - 1. The highest 8
+        of these bits are used; larger values count as full scale.
 
     Returns
     -------
@@ -44,8 +47,24 @@ def image_to_rgb(msg):
     pixels, code = check_image(msg), conversion(msg.encoding)
     if msg.encoding in PLAIN:
         return np.ascontiguousarray(pixels) if code is None else cv2.cvtColor(pixels, code)
+    if pixels.shape[2] == 2 and significant_bits < 16:
+        shifted = _words(msg, pixels) >> (significant_bits - 8)
+        return cv2.cvtColor(np.minimum(shifted, 255).astype(np.uint8), code)
     high_byte = pixels.shape[2] - 1 if not msg.is_bigendian else 0
     return cv2.cvtColor(np.ascontiguousarray(pixels[..., high_byte]), code)
+
+
+def largest_value(msg):
+    """Return the largest value of a 16-bit Bayer image, 0 .. 65535; -1 for any other image."""
+    pixels = check_image(msg)
+    if msg.encoding in PLAIN or pixels.shape[2] != 2:
+        return -1
+    return int(_words(msg, pixels).max())
+
+
+def _words(msg, pixels):
+    """Return the values of the pixels of a 16-bit image, uint16 (H, W), without copying them."""
+    return pixels.view('>u2' if msg.is_bigendian else '<u2')[..., 0]
 
 
 def check_image(msg):

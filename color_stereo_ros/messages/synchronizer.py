@@ -26,6 +26,9 @@ _SKEWS_KEPT = 256
 _ADAPTIVE_SHARE = 0.45
 _ADAPTIVE_START_NS = 5_000_000
 _ADAPTIVE_MAX_NS = 50_000_000
+_SILENT_PERIODS = 5
+_SILENT_AT_LEAST = 0.5
+"""A camera that sends nothing for so many of its periods, and so many s, is silent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,11 +241,13 @@ class Synchronizer:
         Parameters
         ----------
         patience : float
-            s without a pair that are no reason to complain.
+            s without a pair that are no reason to complain, and without an image that are none
+            to call a camera silent whose frame period is unknown.
 
         Returns
         -------
         text : str or None
+            None while pairs are found.
 
         """
         if self.quiet_seconds() <= patience:
@@ -256,7 +261,14 @@ class Synchronizer:
         return quiet + self._about_stamps()
 
     def _is_silent(self, side, patience):
-        return side.last_arrival is None or self._clock() - side.last_arrival > patience
+        """Tell whether a camera sends nothing, by its own period where it is known."""
+        if side.last_arrival is None:
+            return True
+        limit = patience
+        if len(side.periods) >= _PERIODS_NEEDED:
+            usual = max(_SILENT_PERIODS * median(side.periods) / _NS, _SILENT_AT_LEAST)
+            limit = min(patience, usual)
+        return self._clock() - side.last_arrival > limit
 
     def _about_silence(self, names):
         never = all(self._sides[name].last_arrival is None for name in names)

@@ -10,6 +10,18 @@ def make_node():
     return PatternNode()
 
 
+def usage():
+    """Return the Usage of the node."""
+    from ..parameters.groups import PatternNodeSettings
+    from .usage import Usage
+    return Usage('pattern_node', 'Publishes the image that the projector must show.',
+                 PatternNodeSettings(), published=(
+                     ('pattern/image', 'sensor_msgs/Image', 'rgb8, linear light, latched; again '
+                      'when a parameter changes'),
+                     ('pattern/info', 'std_msgs/String', 'JSON: the settings and the SHA-256 of '
+                      'the pixels, latched')))
+
+
 def main(args=None):
     """Run the node; the entry point of `ros2 run color_stereo_ros pattern_node`."""
-    return run(make_node, args)
+    return run(make_node, args, usage)

@@ -1,28 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pattern that pattern_node shows, and the description by which range_node knows it."""
 
-from dataclasses import asdict
-from functools import lru_cache
+from dataclasses import asdict, replace
 import hashlib
 import json
+import threading
+import time
+
+import numpy as np
 
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import serialize_message
 
 from sensor_msgs.msg import Image
 
 from std_msgs.msg import String
 
-from ..core.patterns.making import make_pattern
-from ..core.patterns.registry import makable
-from ..errors import SettingsError
-from ..messages.contents import Header, image
+from ..core.patterns.making import check_pattern, make_pattern
+from ..errors import bounded, ColorStereoError
+from ..messages.contents import Header, image, new_memory
+from ..messages.synchronizer import LatestSlot
 from ..parameters.groups import PatternNodeSettings
 from .filling import message_of
 from .parameters import NodeParameters
 
 FRAME = 'projector_optical_frame'
+_LARGE = 4_000_000  # px; making so many takes a noticeable time
+_PATIENCE = 0.2
+"""s that the end of the node waits for a pattern that is being made."""
 
 
 def latched():
@@ -37,16 +44,42 @@ def describe(settings, image):
 
 def fingerprint(image):
     """Return the SHA-256 of the pixels of a pattern, in hexadecimal."""
-    return hashlib.sha256(image.tobytes()).hexdigest()
+    return hashlib.sha256(np.ascontiguousarray(image)).hexdigest()
+
+
+def serialized(content):
+    """
+    Return the bytes of an image message without a copy for each layer of ROS.
+
+    Parameters
+    ----------
+    content : messages.contents.Image
+
+    Returns
+    -------
+    data : bytes
+        CDR: the message without pixels, whose last field is their number, and the pixels.
+
+    """
+    empty = serialize_message(message_of(replace(content, data=new_memory(0))))
+    count = len(content.data).to_bytes(4, 'little' if empty[1] & 1 else 'big')
+    return b''.join([empty[:-4], count, content.data])
 
 
 class PatternNode(Node):
-    """Publishes pattern/image and pattern/info, latched, and again when a parameter changes."""
+    """
+    Publishes pattern/image and pattern/info, latched, and again when a parameter changes.
+
+    A pattern is made in a thread of its own, so that the node answers in the meantime; if the
+    parameters change again, the latest ones count.
+
+    """
 
     def __init__(self):
         super().__init__('pattern_node', automatically_declare_parameters_from_overrides=True)
+        self._slot = LatestSlot()
         parameters = NodeParameters(self, PatternNodeSettings(), check=_check,
-                                    on_change=self._show)
+                                    on_change=self._slot.put)
         options = QoSOverridingOptions.with_default_policies()
         self._image = self.create_publisher(Image, 'pattern/image', latched(),
                                             qos_overriding_options=options)
@@ -54,26 +87,49 @@ class PatternNode(Node):
                                            qos_overriding_options=options)
         parameters.warn_of_unknown()
         _check(parameters.settings)
-        self._show(parameters.settings)
+        self._slot.put(parameters.settings)
+        self._thread = threading.Thread(target=self._work, name='pattern', daemon=True)
+        self._thread.start()
+
+    def destroy_node(self):
+        """End the thread, which is not awaited for long, then the node."""
+        self._slot.close()
+        self._thread.join(_PATIENCE)
+        super().destroy_node()
+
+    def _work(self):
+        """Show whatever is newest, until the node ends."""
+        while not self._slot.closed:
+            settings = self._slot.take()
+            if settings is None:
+                continue
+            try:
+                self._show(settings.pattern)
+            except ColorStereoError as error:
+                self.get_logger().error(f'not shown: {bounded(str(error))}')
+            except Exception as error:  # memory for example; what is shown stays
+                if not self._slot.closed:
+                    self.get_logger().error(f'pattern.type = {settings.pattern.type!r} is not '
+                                            f'shown: {type(error).__name__}: {error}')
 
     def _show(self, settings):
-        pattern = _make_once(settings.pattern)
+        """Make a pattern and publish it."""
+        size = f'{settings.type}, {settings.width} x {settings.height} px'
+        started = time.monotonic()
+        if settings.width * settings.height > _LARGE:
+            self.get_logger().info(f'making {size}')
+        pattern = make_pattern(settings)
+        text = describe(settings, pattern)
         header = Header.at(self.get_clock().now().nanoseconds, FRAME)
-        self._image.publish(message_of(image(pattern, 'rgb8', header)))
-        self._info.publish(String(data=describe(settings.pattern, pattern)))
-        self.get_logger().info(f'showing {settings.pattern.type}, {settings.pattern.width} x '
-                               f'{settings.pattern.height} px')
+        data = serialized(image(pattern, 'rgb8', header))
+        del pattern  # before the middleware makes its copy
+        if self._slot.closed:
+            return
+        self._image.publish(data)
+        self._info.publish(String(data=text))
+        self.get_logger().info(f'showing {size}, made in {time.monotonic() - started:.1f} s')
 
 
 def _check(settings):
-    """Refuse what cannot be shown, by a ColorStereoError."""
-    if settings.pattern.type not in makable():
-        raise SettingsError(f'pattern.type = {settings.pattern.type!r} names no pattern that can '
-                            'be shown')
-    _make_once(settings.pattern)
-
-
-@lru_cache(maxsize=1)
-def _make_once(settings):
-    """Return the pattern; the one that was checked is the one that is shown."""
-    return make_pattern(settings)
+    """Refuse what cannot be shown, by a ColorStereoError, without making it."""
+    check_pattern(settings.pattern)

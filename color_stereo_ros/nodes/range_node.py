@@ -10,6 +10,30 @@ def make_node():
     return RangeNode()
 
 
+def usage(name='range_node', summary='Measures depth from pairs of raw color images and the '
+          'calibration of the two cameras.'):
+    """Return the Usage of the node, or of its lifecycle twin by another name."""
+    from ..messages.outputs import OUTPUTS
+    from ..parameters.groups import RangeNodeSettings
+    from .usage import Usage
+    return Usage(name, summary, RangeNodeSettings(), (
+        ('left/image_raw, right/image_raw', 'sensor_msgs/Image', 'raw color images; rgb8, bgr8, '
+         'rgba8, bgra8, bayer_*8 or bayer_*16'),
+        ('left/camera_info, right/camera_info', 'sensor_msgs/CameraInfo', 'D, K, R, P of a pair '
+         'that was calibrated as stereo'),
+        ('pattern/info', 'std_msgs/String', 'what pattern_node shows; compared with pattern.*'),
+    ), (
+        *((topic, output.type.replace('/msg/', '/'), output.description.replace('`', ''))
+          for topic, output in OUTPUTS.items()),
+        ('~/acquired', 'std_msgs/Header', 'a requested pair has arrived: the scene may move again'),
+        ('/diagnostics', 'diagnostic_msgs/DiagnosticArray', 'inputs, calibration, pattern and '
+         'range images: what the node does, and why it does not'),
+    ), (
+        ('~/capture', 'std_srvs/Trigger', 'measures one pair that is taken after the call'),
+        ('~/save', 'std_srvs/Trigger', 'writes the points as a file to output.save_directory'),
+    ))
+
+
 def main(args=None):
     """Run the node; the entry point of `ros2 run color_stereo_ros range_node`."""
-    return run(make_node, args)
+    return run(make_node, args, usage)

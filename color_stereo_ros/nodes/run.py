@@ -7,13 +7,16 @@ import sys
 import threading
 import traceback
 
+from . import usage as help_text
 from .environment import prepare
 
 _POLL = 0.1
 """s until a signal is noticed by an idle node."""
+_TRACE = 4000
+"""Characters of a traceback that are logged."""
 
 
-def run(make_node, args=None):
+def run(make_node, args=None, usage=None):
     """
     Run a node until SIGINT, SIGTERM or the shutdown of ROS.
 
@@ -25,13 +28,19 @@ def run(make_node, args=None):
         Returns the node. It is called after rclpy is ready, and may import what takes time.
     args : list of str, optional
         Command line; default sys.argv.
+    usage : callable, optional
+        Returns the `Usage` that is printed, instead of starting the node, if the command line
+        asks for help.
 
     Returns
     -------
     status : int
-        0 after a clean end, 1 if the settings are refused.
+        0 after a clean end or the help, 1 if the settings are refused.
 
     """
+    if usage is not None and help_text.is_wanted(sys.argv[1:] if args is None else args):
+        help_text.show(usage())
+        return 0
     # rclpy's own handlers end the context while callbacks and threads still use it
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -50,7 +59,7 @@ def _run(make_node, args, stop):
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    from ..errors import ColorStereoError
+    from ..errors import bounded, ColorStereoError
 
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -62,7 +71,7 @@ def _run(make_node, args, stop):
         node = make_node()
         _spin(node, stop)
     except ColorStereoError as error:
-        rclpy.logging.get_logger('color_stereo_ros').fatal(str(error))
+        rclpy.logging.get_logger('color_stereo_ros').fatal(bounded(str(error)))
         return 1
     finally:
         if node is not None:
@@ -76,9 +85,10 @@ def _spin(node, stop):
     # the experimental EventsExecutor of Jazzy hangs in some builds: no timer ever fires
     from rclpy.executors import SingleThreadedExecutor
 
+    from ..errors import bounded
     from .complaints import Complaints
 
-    complain = Complaints(lambda text: node.get_logger().error(text))
+    complain = Complaints(lambda text: node.get_logger().error(bounded(text, _TRACE)))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     while node.context.ok() and not stop.is_set():

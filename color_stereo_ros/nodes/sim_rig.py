@@ -19,7 +19,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo, Image
 
-from ..errors import ColorStereoError
+from ..errors import brief, ColorStereoError, SettingsError
 from ..messages.contents import camera_info, Header, image
 from ..messages.reading import image_to_rgb
 from ..messages.synchronizer import LatestSlot
@@ -90,7 +90,10 @@ class SimRigNode(Node):
                 for kind, topic in ((CameraInfo, 'camera_info'), (Image, 'image_raw'))}
 
     def _check(self, settings):
-        """Refuse scenes that cannot be loaded."""
+        """Refuse scenes that cannot be loaded; no peer chooses where files are written."""
+        if self._scene is not None and settings.sim.cache != self._settings.cache:
+            raise SettingsError(f'sim.cache = {brief(settings.sim.cache)} is refused: the folder '
+                                f'is fixed at the start of the node')
         _load(settings.sim)
 
     def _changed(self, settings):

@@ -10,6 +10,19 @@ def make_node():
     return SimRigNode()
 
 
+def usage():
+    """Return the Usage of the node."""
+    from ..parameters.groups import SimRigSettings
+    from .usage import Usage
+    cameras = (f'{side}/{{}}' for side in ('left', 'right'))
+    return Usage('sim_rig_node', 'Simulates two cameras that see a scene under the pattern that '
+                 'is shown.', SimRigSettings(), (
+                     ('pattern/image', 'sensor_msgs/Image', 'what the projector shows'),),
+                 tuple(row for camera in cameras for row in (
+                     (camera.format('image_raw'), 'sensor_msgs/Image', 'with new noise each time'),
+                     (camera.format('camera_info'), 'sensor_msgs/CameraInfo', 'of the rig'))))
+
+
 def main(args=None):
     """Run the node; the entry point of `ros2 run color_stereo_ros sim_rig_node`."""
-    return run(make_node, args)
+    return run(make_node, args, usage)

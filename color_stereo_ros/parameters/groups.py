@@ -17,6 +17,9 @@ class InputSettings(Group):
     mode: str = setting(
         'stream', 'stream: every pair is measured; capture: one pair for each call of the service '
         '~/capture', choices=('stream', 'capture'))
+    significant_bits: int = setting(
+        16, 'of 16-bit Bayer images: the values fill so many low bits, 12 for example = 0 .. 4095; '
+        '16 = full scale is 65535', unit='bit', minimum=8, maximum=16)
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,12 @@ class OutputSettings(Group):
         1.0, 'time between two messages on /diagnostics', unit='s', minimum=0.1, maximum=60.0)
     save_directory: str = setting(
         '', 'where the service ~/save writes; empty = the directory that the node runs in')
+    save_directory_fixed: bool = setting(
+        True, 'output.save_directory and output.save_limit cannot be changed while the node runs; '
+        'false: any folder inside of the one given at the start can be chosen')
+    save_limit: int = setting(
+        1000, 'files of the node in its folder from which the service ~/save writes no more',
+        minimum=0, maximum=1_000_000)
     save_format: str = setting(
         'ply', 'of the files that the service ~/save writes', choices=('ply', 'pcd'))
 

@@ -14,6 +14,7 @@ from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import Header, Image
 from ..messages.outputs import Context, OUTPUTS
 from ..messages.reading import image_to_rgb, stamp_ns
+from ..messages.significant_bits import SignificantBits
 from ..messages.synchronizer import Synchronizer
 from ..patience import patience
 from .reading import seconds
@@ -62,6 +63,7 @@ class OfflineSensor:
             check=lambda calibration: check_use(calibration, settings))
         self._stereo = None
         self._waiting = deque(maxlen=WAITING)
+        self._values = SignificantBits()
         self.measured = 0
         """Pairs that gave a result."""
         self.failed = 0
@@ -141,8 +143,7 @@ class OfflineSensor:
         while self._stereo is not None and self._waiting:
             pair, recorded = self._waiting.popleft()
             try:
-                result = self._stereo.process(_rgb(pair.left, self._topics.left_image),
-                                              _rgb(pair.right, self._topics.right_image))
+                result = self._stereo.process(*self._images_of(pair))
             except ColorStereoError as error:
                 self._refuse(f'pair of stamp {pair.stamp} ns, recorded at {seconds(recorded)} s, '
                              f'refused: {error}')
@@ -160,6 +161,17 @@ class OfflineSensor:
         elif self.failed == TOLD + 1:
             self._say('more pairs are refused; they are counted at the end')
 
+    def _images_of(self, pair):
+        """Return both images of a pair as RGB, and say once what is odd about their values."""
+        bits = self._settings.input.significant_bits
+        images = (_rgb(pair.left, bits, self._topics.left_image),
+                  _rgb(pair.right, bits, self._topics.right_image))
+        self._values.note(pair)
+        news = self._values.news(bits)
+        if news:
+            self._say(news)
+        return images
+
     def _write(self, result, header, time_ns):
         """Append the outputs."""
         context = Context(header, self._settings, self._watch.calibration.left.R.T)
@@ -168,9 +180,9 @@ class OfflineSensor:
             self._writer.write_content(self._namespace + topic, time_ns, content)
 
 
-def _rgb(image, topic):
+def _rgb(image, bits, topic):
     """Return the image of a message as RGB; an error names its topic."""
     try:
-        return image_to_rgb(image)
+        return image_to_rgb(image, bits)
     except ImageError as error:
         raise ImageError(f'{topic}: {error}') from error

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ...errors import CalibrationError
+from ...errors import brief, CalibrationError
 from .lenses import LENSES
 
 ROTATION_TOLERANCE = 1e-3    # largest deviation of R R^T from the identity
@@ -20,7 +20,7 @@ def matrix(label, values, shape):
     try:
         flat = np.array(values, np.float64).ravel()
     except (TypeError, ValueError, OverflowError) as error:
-        raise CalibrationError(f'{label} = {shortened(values)} is no list of numbers') from error
+        raise CalibrationError(f'{label} = {brief(values)} is no list of numbers') from error
     expected = abs(int(np.prod(shape)))
     if shape != (-1,) and flat.size != expected:
         raise CalibrationError(f'{label} has {flat.size} values, expected {expected}')
@@ -40,7 +40,7 @@ def check_size(camera):
         low, high = SIZE_LIMITS
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) \
                 or not low <= value <= high:
-            raise CalibrationError(f'{camera.name} {field} = {shortened(value)} px is not an '
+            raise CalibrationError(f'{camera.name} {field} = {brief(value)} px is not an '
                                    f'image size, expected {low} .. {high} px')
 
 
@@ -62,7 +62,7 @@ def check_distortion(camera):
     """Refuse an unknown lens model and coefficients that it does not have."""
     model = camera.distortion_model
     if not isinstance(model, str) or model not in LENSES:
-        raise CalibrationError(f'{camera.name} distortion_model = {shortened(model)} is unknown, '
+        raise CalibrationError(f'{camera.name} distortion_model = {brief(model)} is unknown, '
                                f'expected one of {", ".join(LENSES)}')
     check_finite(f'{camera.name} D', camera.D)
     most = LENSES[model].lengths[-1]
@@ -72,12 +72,6 @@ def check_distortion(camera):
         raise CalibrationError(
             f'{camera.name} D[{index}] = {camera.D[index]}, but distortion_model {model} has '
             f'{most} coefficients' + (f': is it {" or ".join(known)}?' if known else ''))
-
-
-def shortened(value):
-    """Return the text of a foreign value, 60 characters at most."""
-    text = repr(value)
-    return text if len(text) <= 60 else f'{text[:57]}...'
 
 
 def check_intrinsics(camera):

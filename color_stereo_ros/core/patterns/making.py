@@ -5,6 +5,7 @@ import numpy as np
 
 from ...errors import SettingsError
 from ..settings import PatternSettings
+from .blocks import RowColors, slices
 from .registry import makable, PATTERNS
 
 
@@ -32,6 +33,32 @@ def make_pattern(settings=PatternSettings()):
         raise SettingsError(f'pattern.type = {settings.type!r} cannot be made, expected one of '
                             f'{", ".join(makable())}')
     colors = make(settings)
-    return np.ascontiguousarray(np.broadcast_to(
-        np.rint(255.0 * np.asarray(colors)).astype(np.uint8),
-        (settings.height, settings.width, 3)))
+    out = np.empty((settings.height, settings.width, 3), np.uint8)
+    if isinstance(colors, RowColors):
+        for rows in slices(settings.height, 3 * settings.width, colors.least):
+            out[rows] = np.rint(255.0 * np.asarray(colors.make(rows)))
+    else:
+        out[...] = np.rint(255.0 * np.asarray(colors)).astype(np.uint8)
+    return out
+
+
+def check_pattern(settings):
+    """
+    Refuse, without making it, a pattern that cannot be made.
+
+    Parameters
+    ----------
+    settings : PatternSettings
+
+    Raises
+    ------
+    SettingsError
+        Where `make_pattern` does.
+
+    """
+    pattern = PATTERNS[settings.type]
+    if pattern.make is None:
+        raise SettingsError(f'pattern.type = {settings.type!r} names no pattern that can be '
+                            f'shown, expected one of {", ".join(makable())}')
+    if pattern.check is not None:
+        pattern.check(settings)

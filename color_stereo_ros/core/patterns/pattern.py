@@ -23,8 +23,14 @@ class Pattern:
     make: Optional[Callable] = None
     """
     PatternSettings in, colors out: numbers 0 .. 1 that broadcast to (height, width, 3), RGB,
-    linear light. None: the pattern can be matched but not made.
+    linear light; or `blocks.RowColors`, which bounds the memory of large patterns. None: the
+    pattern can be matched but not made.
     """
     repeats: Repeats = Repeats.UNKNOWN
     uniform_brightness: bool = False
     """Whether the three components have the same sum everywhere."""
+    check: Optional[Callable] = None
+    """
+    PatternSettings in; raises SettingsError, at once, where `make` would refuse them after a
+    while. None: every setting can be made.
+    """

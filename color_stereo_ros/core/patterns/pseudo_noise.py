@@ -4,6 +4,7 @@
 import numpy as np
 
 from ...errors import SettingsError
+from .blocks import RowColors
 from .pattern import Pattern, Repeats
 
 # Full primaries and secondaries: any two differ by a whole component at least.
@@ -12,29 +13,32 @@ MAX_PATCHES = 1_000_000    # a tenth of the 6^9 neighborhoods: found within a fe
 
 
 def make(settings):
-    """Return square patches in which no 3 x 3 patches repeat, (height, width, 3)."""
-    rows, columns = (max(3, int(np.ceil(size / settings.feature_size)))
-                     for size in (settings.height, settings.width))
+    """Return square patches in which no 3 x 3 patches repeat, a `RowColors`."""
+    check(settings)
+    rows, columns = patches(settings)
     codes = unrepeated_codes(rows, columns, settings)
     row = np.minimum(np.arange(settings.height) / settings.feature_size, rows - 1).astype(int)
     column = np.minimum(np.arange(settings.width) / settings.feature_size, columns - 1).astype(int)
-    return PATCH_COLORS[codes[row[:, None], column]]
+    return RowColors(lambda part: PATCH_COLORS[codes[row[part, None], column]])
 
 
-def unrepeated_codes(rows, columns, settings):
-    """
-    Return random color numbers, int (rows, columns), whose 3 x 3 neighborhoods are all different.
+def patches(settings):
+    """Return how many (rows, columns) of patches a pattern has."""
+    return tuple(max(3, int(np.ceil(size / settings.feature_size)))
+                 for size in (settings.height, settings.width))
 
-    Raises
-    ------
-    SettingsError
-        If there are more patches than MAX_PATCHES.
 
-    """
+def check(settings):
+    """Raise SettingsError if there are more patches than MAX_PATCHES."""
+    rows, columns = patches(settings)
     if rows * columns > MAX_PATCHES:
         raise SettingsError(f'pattern.feature_size = {settings.feature_size} px makes {rows} x '
                             f'{columns} patches, expected at most {MAX_PATCHES} for unrepeated '
                             '3 x 3 neighborhoods')
+
+
+def unrepeated_codes(rows, columns, settings):
+    """Return random color numbers, int (rows, columns), whose 3 x 3 neighborhoods all differ."""
     rng = np.random.default_rng(settings.seed)
     codes = rng.integers(len(PATCH_COLORS), size=(rows, columns))
     repeated = repeated_neighborhoods(codes)
@@ -56,4 +60,4 @@ def repeated_neighborhoods(codes):
     return repeated.reshape(number.shape)
 
 
-PATTERN = Pattern('colored patches', make, Repeats.NEVER)
+PATTERN = Pattern('colored patches', make, Repeats.NEVER, check=check)

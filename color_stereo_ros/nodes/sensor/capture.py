@@ -31,6 +31,8 @@ class Request:
     result: object = None
     header: object = None
     rotation: object = None
+    age: object = None
+    """Of the latest pair that arrived after the call but was taken before, on arrival, ns."""
     _passed: int = 0
 
     def accepts(self, pair):
@@ -38,6 +40,8 @@ class Request:
         if pair.arrival < self.moment:
             return False
         if abs(pair.stamp - self.stamp) < _COMPARABLE:
+            if pair.stamp < self.stamp:
+                self.age = self.stamp + (pair.arrival - self.moment) * 1e9 - pair.stamp
             return pair.stamp >= self.stamp
         # stamps of another clock: the first pair may have been under way already
         self._passed += 1
@@ -104,7 +108,7 @@ class Capture:
         self._requests.append(request)
         while not request.done.wait(POLL) and not self._services.stopped.is_set():
             if time.monotonic() - request.moment > patience:
-                request.finish(self._sensor.why_no_result(patience))
+                request.finish(self._sensor.why_no_result(request, patience))
         if request in self._requests:
             self._requests.remove(request)
         if not request.failure and request.result is not None:

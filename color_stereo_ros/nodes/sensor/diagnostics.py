@@ -8,7 +8,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile
 
-from ...core.account import FEW, main_reason, status_shares
+from ...core.account import doubt_about_ranges, status_shares
+from ...errors import bounded
 from ...messages.synchronizer import SIDES
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -58,7 +59,8 @@ def _diagnostic_array(sensor, name, stamp):
     for part, judge in parts.items():
         level, text, values = judge(sensor)
         message.status.append(DiagnosticStatus(
-            level=level, name=f'{name.lstrip("/")}: {part}', message=text, hardware_id=name,
+            level=level, name=f'{name.lstrip("/")}: {part}', message=bounded(text),
+            hardware_id=name,
             values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()]))
     return message
 
@@ -66,7 +68,7 @@ def _diagnostic_array(sensor, name, stamp):
 def _text(value):
     if value is None:
         return 'unknown'
-    return f'{value:.4g}' if isinstance(value, float) else str(value)
+    return f'{value:.4g}' if isinstance(value, float) else bounded(str(value))
 
 
 def _milliseconds(nanoseconds):
@@ -89,8 +91,8 @@ def _inputs(sensor):
                    f'{side} without partner': report.unmatched[side],
                    f'{side} late': report.late[side]}
     for subscription in inputs.subscriptions:
-        values[subscription.name] = (f'{subscription.publishers} publishers, subscribed '
-                                     f'{subscription.reliability}')
+        values[subscription.name] = (f'{len(subscription.publishers)} publishers, subscribed '
+                                     f'{subscription.kind}')
     return (*_judge_inputs(sensor, report), values)
 
 
@@ -100,20 +102,28 @@ def _judge_inputs(sensor, report):
                   for subscription in inputs.subscriptions if subscription.mismatch]
     if mismatches:
         return ERROR, '; '.join(mismatches)
-    refusals = [text for text in inputs.refusals.values() if text]
-    if refusals:
-        return ERROR, '; '.join(refusals)
-    complaint = inputs.synchronizer.complaint(sensor.settings.sync.warn_after)
-    if complaint:
-        return WARN, complaint
-    if inputs.zero_stamps:
-        return WARN, 'the stamps are zero: pairs cannot be told apart'
-    if report.period and report.tolerance > report.period / 2:
-        return WARN, (f'sync.tolerance = {report.tolerance / 1e6:.1f} ms exceeds half the frame '
-                      f'period of {report.period / 1e6:.1f} ms: frames may be mixed up')
+    refusal = inputs.refusal()
+    if refusal:
+        return ERROR, '; '.join([refusal, *inputs.shared])
+    warnings = [*filter(None, [inputs.complaint(sensor.settings.sync.warn_after)]),
+                *inputs.shared, *_oddities(sensor, report)]
+    if warnings:
+        return WARN, '; '.join(warnings)
     if report.pairs == 0:
         return OK, 'waiting for the first pair'
     return OK, 'pairs arrive'
+
+
+def _oddities(sensor, report):
+    """Return what is odd about images that are measured all the same."""
+    if sensor.inputs.zero_stamps:
+        yield 'the stamps are zero: pairs cannot be told apart'
+    elif report.period and report.tolerance > report.period / 2:
+        yield (f'sync.tolerance = {report.tolerance / 1e6:.1f} ms exceeds half the frame period '
+               f'of {report.period / 1e6:.1f} ms: frames may be mixed up')
+    doubt = sensor.worker.values.doubt(sensor.settings.input.significant_bits)
+    if doubt:
+        yield doubt
 
 
 def _calibration(sensor):
@@ -186,6 +196,10 @@ def _judge_results(sensor, worker, account, shares):
         return OK, 'waiting for a call of ~/capture (input.mode is capture)'
     if not sensor.outputs.wanted():
         return OK, f'waiting for a subscriber on {", ".join(sensor.outputs.names)}'
-    if shares and shares['valid'] < FEW:
-        return WARN, f'few pixels have a range: {shares["valid"]:.1%}; {main_reason(shares)}'
+    few = doubt_about_ranges(shares) if shares else None
+    if few:
+        few += f' (few pixels have a range: {shares["valid"]:.1%})'
+    doubts = [*sensor.worker.doubts.current, *filter(None, [few])]
+    if doubts:
+        return WARN, '; '.join(doubts)
     return OK, 'measuring' if account.measured else 'waiting for the first pair'

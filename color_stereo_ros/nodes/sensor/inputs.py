@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The input topics of range_node: what arrives, is refused, or is paired."""
 
+import time
+
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.serialization import deserialize_message
 
 from sensor_msgs.msg import CameraInfo, Image
 
-from ...errors import ImageError
+from ...errors import bounded, brief, ImageError
 from ...messages.calibration_watch import CalibrationWatch, check_use
 from ...messages.reading import check_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
@@ -35,8 +37,8 @@ class StereoInputs:
         self._on_pair = on_pair
         logger = node.get_logger()
         # (rclpy knows a call by its line, and wants one severity for each)
-        self._complain = Complaints(lambda text: logger.error(text))
-        self._warn = Complaints(lambda text: logger.warning(text))
+        self._complain = Complaints(lambda text: logger.error(bounded(text)))
+        self._warn = Complaints(lambda text: logger.warning(bounded(text)))
         self._settings = parameters.settings
         sync = self._settings.sync
         self.synchronizer = Synchronizer(sync.tolerance, sync.queue_size)
@@ -44,13 +46,17 @@ class StereoInputs:
             on_calibration, check=lambda calibration: check_use(calibration, self._settings))
         self.refused = dict.fromkeys(SIDES, 0)
         """Images that were refused, by side."""
-        self.refusals = dict.fromkeys(SIDES)
-        """Why the latest image was refused, or None if it was not, by side."""
+        self._refusals = {}  # side -> (why the latest image was refused, when)
+        self._patience = sync.warn_after
         self._image_frame = None
         self.zero_stamps = False
         """The latest image had a stamp of zero."""
-        self.subscriptions = [self._subscribe(parameters, side, kind)
-                              for side in SIDES for kind in (Image, CameraInfo)]
+        self.images = {side: self._subscribe(parameters, side, Image) for side in SIDES}
+        infos = {side: self._subscribe(parameters, side, CameraInfo) for side in SIDES}
+        self.subscriptions = [subscription for side in SIDES
+                              for subscription in (self.images[side], infos[side])]
+        self.shared = []
+        """Sentences about topics with more than one publisher."""
         self._jumps = node.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
                           on_clock_change=False), post_callback=self._jump_back)
@@ -71,10 +77,11 @@ class StereoInputs:
             check_image(msg)
         except ImageError as error:
             self.refused[side] += 1
-            self.refusals[side] = f'{side} image refused: {error}'
-            self._complain(self.refusals[side])
+            text = f'{side} image refused: {error}'
+            self._refusals[side] = text, time.monotonic()
+            self._complain(text)
             return
-        self.refusals[side] = None
+        self._refusals.pop(side, None)
         self._look_at_header(side, msg)
         pair = self.synchronizer.add(side, stamp_ns(msg.header), msg)
         if pair is not None:
@@ -89,14 +96,30 @@ class StereoInputs:
             if self.frame_warning:
                 self._warn(self.frame_warning)
 
+    def refusal(self):
+        """Return why the images that arrive are refused, or None."""
+        now = time.monotonic()
+        texts = [self._refusals[side][0] for side in SIDES if side in self._refusals
+                 and now - self._refusals[side][1] <= self._patience]
+        return '; '.join(texts) or None
+
+    def complaint(self, patience):
+        """Say why nothing pairs up, and what to do where that is known; None while it does."""
+        text = self.synchronizer.complaint(patience)
+        if text is None:
+            return None
+        refused = [f'the last one was refused: {text}' for text, _ in self._refusals.values()]
+        return '; '.join([text, *refused, *filter(None, map(_about_transport,
+                                                            self.images.values()))])
+
     @property
     def frame_warning(self):
         """Return how the frames of the latest left image and camera_info differ, or None."""
         calibrated, frame = self.calibration.frame_id, self._image_frame
         if None in (calibrated, frame) or frame == calibrated:
             return None
-        return (f'left image has frame_id {frame!r}, left camera_info {calibrated!r}: the outputs '
-                'carry that of the image')
+        return (f'left image has frame_id {brief(frame)}, left camera_info {brief(calibrated)}: '
+                'the outputs carry that of the image')
 
     def configure(self, settings):
         """Take new settings."""
@@ -104,6 +127,7 @@ class StereoInputs:
         self._settings = settings
         self.synchronizer.tolerance = settings.sync.tolerance
         self.synchronizer.queue_size = settings.sync.queue_size
+        self._patience = settings.sync.warn_after
         if used[0] != used[1]:
             self.calibration.review()
 
@@ -111,6 +135,11 @@ class StereoInputs:
         """Look after the subscriptions and a calibration that settles."""
         for subscription in self.subscriptions:
             subscription.follow()
+        shared = [text for text in map(_about_publishers, self.subscriptions) if text]
+        for text in shared:
+            if text not in self.shared:
+                self._warn(text)
+        self.shared = shared
         self.calibration.tick()
 
     def destroy(self):
@@ -118,6 +147,27 @@ class StereoInputs:
         self._jumps.unregister()
         for subscription in self.subscriptions:
             subscription.destroy()
+
+
+def _about_publishers(subscription):
+    """Say by name who shares a topic that one camera should have, or None."""
+    names = subscription.publishers
+    if len(names) < 2:
+        return None
+    return (f'{len(names)} publishers on {subscription.name} ({", ".join(sorted(names))}): their '
+            'messages are taken in turn; stop or remap all but one')
+
+
+def _about_transport(subscription):
+    """Say what to do about images that come in another form only, or None."""
+    others = subscription.other_transports()
+    if not others:
+        return None
+    topic, transport = others[0], others[0].rpartition('/')[2]
+    return (f'nobody publishes {subscription.name}, but {topic} has a publisher: the node reads '
+            f'raw images; run "ros2 run image_transport republish --ros-args '
+            f'-p in_transport:={transport} -p out_transport:=raw -r in/{transport}:={topic} '
+            f'-r out:={subscription.name}"')
 
 
 def _deserialized_image(data):

@@ -7,6 +7,7 @@ from rclpy.node import Node
 from ...parameters.groups import RangeNodeSettings
 from ..parameters import NodeParameters
 from .range_sensor import RangeSensor
+from .save import SaveFolder
 
 NAME = 'range_node'
 
@@ -17,8 +18,8 @@ class RangeNode(Node):
     def __init__(self):
         super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         self.sensor = None
-        parameters = declare(self)
-        self.sensor = RangeSensor(self, parameters)
+        parameters, folder = declare(self)
+        self.sensor = RangeSensor(self, parameters, folder)
         parameters.warn_of_unknown()
 
     def destroy_node(self):
@@ -35,11 +36,11 @@ class LifecycleRangeNode(ManagedNode):
     def __init__(self):
         super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         self.sensor = None
-        self._declared = declare(self)
+        self._declared, self._folder = declare(self)
 
     def on_configure(self, state):
         """Create the sensor, which gets ready and takes calibrations, but measures nothing."""
-        self.sensor = RangeSensor(self, self._declared, active=False)
+        self.sensor = RangeSensor(self, self._declared, self._folder, active=False)
         self._declared.warn_of_unknown()
         return TransitionCallbackReturn.SUCCESS
 
@@ -80,8 +81,21 @@ class LifecycleRangeNode(ManagedNode):
 
 
 def declare(node):
-    """Declare the parameters of range_node; its sensor, if there is one, follows them."""
+    """
+    Declare the parameters of range_node; its sensor, if there is one, follows them.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+
+    Returns
+    -------
+    parameters : NodeParameters
+    folder : SaveFolder
+
+    """
     def check(settings):
+        folder.check(settings.output)
         if node.sensor is not None:
             node.sensor.check(settings)
 
@@ -89,4 +103,6 @@ def declare(node):
         if node.sensor is not None:
             node.sensor.configure(settings)
 
-    return NodeParameters(node, RangeNodeSettings(), check, apply)
+    parameters = NodeParameters(node, RangeNodeSettings(), check, apply)
+    folder = SaveFolder(parameters.settings.output)
+    return parameters, folder

@@ -5,14 +5,16 @@ from dataclasses import asdict
 import json
 import threading
 
-from rclpy.event_handler import SubscriptionEventCallbacks
-
 from std_msgs.msg import String
 
 from ...core.patterns.making import make_pattern
 from ...core.patterns.registry import makable
-from ...errors import ColorStereoError
-from ..pattern_source import fingerprint, latched
+from ...errors import bounded, brief, ColorStereoError
+from ..following import FollowingSubscription
+from ..pattern_source import fingerprint
+
+_LONGEST = 10_000
+"""Characters of a description; those of this package have some hundred."""
 
 
 class PatternWatch:
@@ -23,19 +25,18 @@ class PatternWatch:
     ----------
     node : rclpy.node.Node
         Warned once of each mismatch.
-    settings : PatternSettings
+    parameters : NodeParameters
 
     """
 
-    def __init__(self, node, settings):
+    def __init__(self, node, parameters):
         self._node = node
-        self._settings = settings
+        self._settings = parameters.settings.pattern
         self._shown = None
         self.mismatch = None
         """What does not fit, or None."""
-        self._subscription = node.create_subscription(
-            String, 'pattern/info', lambda msg: self._take(msg.data), latched(),
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+        self._subscription = FollowingSubscription(
+            node, String, 'pattern/info', lambda msg: self._take(msg.data), parameters)
 
     @property
     def known(self):
@@ -45,13 +46,19 @@ class PatternWatch:
     def _take(self, text):
         """Take the JSON text of pattern/info."""
         try:
+            if len(text) > _LONGEST:
+                raise ValueError(f'{len(text)} characters, expected at most {_LONGEST}')
             shown = json.loads(text)
             self._shown = {'pattern': dict(shown['pattern']), 'sha256': str(shown['sha256'])}
-        except (ValueError, TypeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
             self._shown = None
             self._report(f'pattern/info cannot be read: {type(error).__name__}: {error}')
             return
         self._compare()
+
+    def follow(self):
+        """Look after the subscription; call it from the executor's thread now and then."""
+        self._subscription.follow()
 
     def configure(self, settings):
         """Take new pattern.* settings."""
@@ -65,8 +72,8 @@ class PatternWatch:
             self.mismatch = None
             return
         own, shown = asdict(self._settings), self._shown['pattern']
-        different = [f'pattern.{name} = {shown.get(name)!r} is shown, but set to {own[name]!r}'
-                     for name in own if shown.get(name) != own[name]]
+        different = [f'pattern.{name} = {brief(shown.get(name))} is shown, but set to '
+                     f'{own[name]!r}' for name in own if shown.get(name) != own[name]]
         if different:
             self._report('; '.join(different))
             return
@@ -83,13 +90,14 @@ class PatternWatch:
             return
         if own != sha256 and settings == self._settings:
             self._report(f'the pattern shown has the same settings but other pixels: sha256 '
-                         f'{sha256[:12]}..., expected {own[:12]}...')
+                         f'{brief(sha256[:12])[1:-1]}..., expected {own[:12]}...')
 
     def _report(self, mismatch):
+        mismatch = bounded(mismatch)
         if mismatch != self.mismatch:
             self.mismatch = mismatch
             self._node.get_logger().warning(f'pattern: {mismatch}')
 
     def destroy(self):
         """Unsubscribe."""
-        self._node.destroy_subscription(self._subscription)
+        self._subscription.destroy()

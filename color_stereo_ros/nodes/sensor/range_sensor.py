@@ -4,6 +4,7 @@
 from rclpy.clock import Clock, ClockType
 
 from ...core.triangulation import disparity_limits
+from ...errors import bounded
 from ...messages.calibration_watch import check_use
 from ...messages.outputs import Context
 from .capture import Capture
@@ -27,12 +28,13 @@ class RangeSensor:
     ----------
     node : rclpy.node.Node
     parameters : NodeParameters
+    folder : SaveFolder
     active : bool
         Measure at once. False: take calibrations and get ready, but measure no pair.
 
     """
 
-    def __init__(self, node, parameters, active=True):
+    def __init__(self, node, parameters, folder, active=True):
         self._node = node
         self.active = active
         """Whether pairs are measured."""
@@ -41,14 +43,14 @@ class RangeSensor:
         self.skipped = 0
         """Pairs that nobody wanted."""
         self.outputs = Outputs(node)
-        self.pattern = PatternWatch(node, self.settings.pattern)
+        self.pattern = PatternWatch(node, parameters)
         self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger,
                              self.outputs.prepare)
         self.inputs = StereoInputs(node, parameters, self._take_pair, self._recalibrate)
         self.diagnostics = Diagnostics(node, self)
         self._services = ServiceThread(node)
         self.capture = Capture(node, self._services, self)
-        self.save = Save(node, self._services, self, self.capture)
+        self.save = Save(node, self._services, self, self.capture, folder)
         self._look_after_timer = node.create_timer(_LOOK_AFTER_PERIOD, self._look_after,
                                                    clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._services.start()
@@ -73,14 +75,14 @@ class RangeSensor:
         watch = self.inputs.calibration
         self.worker.configure(Setup(watch.calibration, self.settings))
         if watch.error is not None:
-            self._logger.error(f'calibration refused: {watch.error}')
+            self._logger.error(bounded(f'calibration refused: {watch.error}'))
         elif watch.calibration is not None:
             geometry = watch.calibration.geometry
             self._logger.info(
                 f'calibration taken: {geometry.width} x {geometry.height} px, focal length '
                 f'{geometry.focal_x:.1f} px, baseline {geometry.baseline * 1000:.1f} mm')
             for warning in watch.warnings:
-                self._logger.warning(warning)
+                self._logger.warning(bounded(warning))
 
     def _take_pair(self, pair):
         """Hand a pair to the worker if anybody wants it; runs in the executor's thread."""
@@ -105,25 +107,50 @@ class RangeSensor:
     def _fail(self, pair, text):
         self.capture.fail(pair, text)
 
-    def why_no_result(self, patience):
-        """Say why a request got no result in time."""
+    def why_no_result(self, request, patience):
+        """
+        Say why a request got no result in time.
+
+        Parameters
+        ----------
+        request : capture.Request
+        patience : float
+            s for which it has waited.
+
+        Returns
+        -------
+        text : str
+
+        """
         watch = self.inputs.calibration
-        refusals = [text for text in self.inputs.refusals.values() if text]
         if not self.active:
             return 'the node is inactive'
         if self.worker.state != 'ready':
             return f'the node is {self.worker.state}'
-        if refusals:
-            return '; '.join(refusals)
-        return watch.error or self.inputs.synchronizer.complaint(0.0) or (
-            f'no pair that was taken after the call has arrived within {patience:.1f} s')
+        if request.acquired:
+            return (f'the pair has arrived, but it is not measured yet, {patience:.1f} s after '
+                    'the call: raise sync.warn_after')
+        return (self.inputs.refusal() or watch.error or self.inputs.complaint(patience)
+                or self._about_pairs_before(request, patience))
+
+    @staticmethod
+    def _about_pairs_before(request, patience):
+        """Say how old the pairs are that do arrive."""
+        text = f'no pair that was taken after the call has arrived within {patience:.1f} s'
+        if request.age is None:
+            return text
+        return (f'{text}: pairs arrive, but their stamps are {request.age * 1e-9:.1f} s old then; '
+                'the clocks of cameras and node differ, or the images are under way for so long')
 
     def _look_after(self):
         self.inputs.follow()
+        self.pattern.follow()
         self.outputs.look_for_mismatches()
-        complaint = self.inputs.synchronizer.complaint(self.settings.sync.warn_after)
-        if complaint:
-            self._logger.warning(complaint, throttle_duration_sec=_WARN_PERIOD)
+        complaint = self.inputs.complaint(self.settings.sync.warn_after)
+        if self.inputs.refusal():
+            pass  # said when it came
+        elif complaint:
+            self._logger.warning(bounded(complaint), throttle_duration_sec=_WARN_PERIOD)
         elif self.inputs.calibration.calibration is None and self.inputs.calibration.missing:
             if self.inputs.synchronizer.report().pairs:
                 self._logger.warning(

@@ -1,11 +1,77 @@
 # SPDX-License-Identifier: Apache-2.0
 """The service ~/save: the points of what was captured, as a file."""
 
+import os
 from pathlib import Path
 
-from ...errors import RecordingError
+from ...errors import brief, ColorStereoError, RecordingError, SettingsError
 from ...files.cloud import save_cloud
 from ...messages.reading import stamp_ns
+
+
+_SUFFIXES = '.ply', '.pcd'
+_FIXED = 'save_directory', 'save_limit'
+
+
+class SaveFolder:
+    """
+    Where files may be written: inside of the folder that was given when the node started.
+
+    Any peer of the network can set parameters. What it sets never leads out of that folder,
+    neither by an absolute path, nor by `..`, nor by a symbolic link.
+
+    Parameters
+    ----------
+    settings : OutputSettings
+        At the start of the node.
+
+    """
+
+    def __init__(self, settings):
+        self._start = settings
+        self._root = os.path.realpath(settings.save_directory or '.')
+
+    def check(self, settings):
+        """Refuse OutputSettings that a peer may not set, by a SettingsError."""
+        fixed = ('save_directory_fixed', *(_FIXED if self._start.save_directory_fixed else ()))
+        for name in fixed:
+            value, own = getattr(settings, name), getattr(self._start, name)
+            if value != own:
+                raise SettingsError(
+                    f'output.{name} = {brief(value)} is refused: it stays {brief(own)} while the '
+                    'node runs (output.save_directory_fixed); set it at the start')
+        self.path(settings)
+
+    def path(self, settings):
+        """
+        Return the folder to write to, whether it is there or not.
+
+        Parameters
+        ----------
+        settings : OutputSettings
+
+        Returns
+        -------
+        folder : Path
+
+        Raises
+        ------
+        SettingsError
+            If it lies outside of the folder given at the start.
+
+        """
+        name = settings.save_directory
+        folder = '' if name == self._start.save_directory else name
+        try:
+            real = os.path.realpath(os.path.join(self._root, folder))
+            inside = os.path.commonpath([self._root, real]) == self._root
+        except (OSError, ValueError) as error:
+            raise SettingsError(f'output.save_directory = {brief(name)} is no path: '
+                                f'{error}') from error
+        if not inside:
+            raise SettingsError(f'output.save_directory = {brief(name)} leads to {brief(real)}, '
+                                f'outside of {brief(self._root)}, the folder given at the start')
+        return Path(real)
 
 
 class Save:
@@ -18,18 +84,20 @@ class Save:
     services : ServiceThread
     sensor : RangeSensor
     capture : Capture
+    folder : SaveFolder
 
     """
 
-    def __init__(self, node, services, sensor, capture):
+    def __init__(self, node, services, sensor, capture, folder):
         self._node, self._sensor, self._capture = node, sensor, capture
+        self._folder = folder
         services.create('~/save', self._serve)
 
     def _serve(self, _, response):
         try:
             response.message = self._saved()
             response.success = True
-        except RecordingError as error:
+        except ColorStereoError as error:
             response.success = False
             response.message = str(error)
             self._node.get_logger().error(f'save: {error}')
@@ -38,18 +106,42 @@ class Save:
     def _saved(self):
         """Write a file; return its path and how many points it holds."""
         settings = self._sensor.settings
+        folder = self._room(settings.output)
         streaming = settings.input.mode == 'stream'
         request = self._capture.measure() if streaming else self._capture.latest
         if request is None:
             raise RecordingError('nothing has been captured yet: call ~/capture first')
         if request.result is None:
             raise RecordingError(request.failure or 'the node is shutting down')
-        folder = Path(settings.output.save_directory or '.')
-        if not folder.is_dir():
-            raise RecordingError(f'output.save_directory = {str(folder)!r} is no directory')
-        name = f'{self._node.get_name()}_{stamp_ns(request.header)}.{settings.output.save_format}'
+        path = self._free_name(folder, stamp_ns(request.header), settings.output.save_format)
         points = request.result.points()
         if settings.output.frame == 'camera':
             points = points @ request.rotation.T.astype(points.dtype)
-        count = save_cloud(folder / name, points, request.result.image)
-        return f'{folder / name}: {count} points'
+        count = save_cloud(path, points, request.result.image)
+        return f'{path}: {count} points'
+
+    def _room(self, settings):
+        """Return the folder, in which there must be room for another file."""
+        folder = self._folder.path(settings)
+        if not folder.is_dir():
+            raise RecordingError(f'output.save_directory = {str(folder)!r} is no directory')
+        try:
+            names = os.listdir(folder)
+        except OSError as error:
+            raise RecordingError(f'{folder} cannot be read: {error.strerror}') from error
+        own = [name for name in names if name.startswith(f'{self._node.get_name()}_')
+               and name.endswith(_SUFFIXES)]
+        if len(own) >= settings.save_limit:
+            raise RecordingError(f'{folder} holds {len(own)} files of this node, '
+                                 f'output.save_limit = {settings.save_limit}: move some away, or '
+                                 'start the node with a larger limit')
+        return folder
+
+    def _free_name(self, folder, stamp, suffix):
+        """Return the path of a new file; nothing is replaced."""
+        name = f'{self._node.get_name()}_{stamp}'
+        path, count = folder / f'{name}.{suffix}', 1
+        while os.path.lexists(path):
+            count += 1
+            path = folder / f'{name}_{count}.{suffix}'
+        return path

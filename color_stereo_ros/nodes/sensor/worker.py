@@ -11,13 +11,16 @@ import numpy as np
 
 from ...core.pipeline import ColorStereo
 from ...core.surface import warm_up
-from ...errors import ColorStereoError
+from ...errors import bounded, ColorStereoError
 from ...messages.reading import image_to_rgb
+from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
 from ..complaints import Complaints
+from .doubts import Doubts
 
 _KEPT = 300
 _PATIENCE = 2.0  # s
+_TRACE = 4000  # characters
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +94,10 @@ class Worker:
         self._fail = fail
         self._prepare = prepare
         self._logger = logger
-        self._complain = Complaints(lambda text: logger.error(text))
+        self._complain = Complaints(lambda text: logger.error(bounded(text, _TRACE)))
+        self._warn = Complaints(lambda text: logger.warning(bounded(text)))
+        self.doubts = Doubts(self._warn)
+        self.values = SignificantBits()
         self._built = None  # (key, ColorStereo)
         self._helper = None  # a process that compiles
         self._slot = LatestSlot()
@@ -185,7 +191,8 @@ class Worker:
         if stereo is None:
             self._note_uncalibrated(pair)
             return
-        left, right = (_image(side, message) for side, message in (
+        bits = setup.settings.input.significant_bits
+        left, right = (_image(side, message, bits) for side, message in (
             ('left', pair.left), ('right', pair.right)))
         result = stereo.process(left, right)
         if self._wanted.calibration is not setup.calibration:
@@ -193,6 +200,11 @@ class Worker:
             return
         self._publish(result, pair, setup)
         self._note_success(result)
+        self.values.note(pair)
+        news = self.values.news(bits)
+        if news:
+            self._warn(news)
+        self.doubts.look(stereo, left, right, result)
 
     def _stereo(self, setup):
         """Return the ColorStereo of a setup, built again if need be; None without calibration."""
@@ -232,8 +244,8 @@ class Worker:
         self._complain(f'{text}\n{trace}' if trace else text)
 
 
-def _image(side, message):
+def _image(side, message, significant_bits):
     try:
-        return image_to_rgb(message)
+        return image_to_rgb(message, significant_bits)
     except ColorStereoError as error:
         raise type(error)(f'{side} image: {error}') from error

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `color_stereo process` says of an odd pair, said by the node: often enough, cheap enough."""
+
+import re
+import time
+
+from ...core.account import (doubt_about_ranges, doubts_about_images, doubts_about_order,
+                             status_shares, SUSPICIOUS)
+
+_PERIOD = 0.5
+"""s between two looks at the images."""
+_LONGEST = 5.0
+"""s between two tries of the other order, while few pixels have a range and nothing changes."""
+_SHARE = 5
+"""The other order takes at most one part of so many parts of the time, and one more."""
+_ROWS = 4
+"""Every so many rows of the images are looked at."""
+
+
+class Doubts:
+    """
+    Watches pairs and their results; runs in the worker's thread.
+
+    Parameters
+    ----------
+    warn : callable
+        Takes a doubt that is new.
+    clock : callable
+        Returns s; only its differences matter.
+
+    """
+
+    def __init__(self, warn, clock=time.monotonic):
+        self._warn = warn
+        self._clock = clock
+        self._images, self._order = [], []
+        self._kinds = set()
+        self._images_due = self._order_due = -float('inf')
+        self._wait = _PERIOD
+
+    @property
+    def current(self):
+        """Return the sentences that hold now, but not the one about few ranges."""
+        return [*self._images, *self._order]
+
+    def look(self, stereo, left, right, result):
+        """
+        Look at a pair that has been measured.
+
+        Parameters
+        ----------
+        stereo : ColorStereo
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB images.
+        result : RangeResult
+
+        """
+        if self._clock() >= self._images_due:
+            self._images_due = self._clock() + _PERIOD
+            self._look_at_images(left[::_ROWS], right[::_ROWS])
+        if result.density >= SUSPICIOUS:
+            self._order, self._order_due, self._wait = [], -float('inf'), _PERIOD
+        elif self._clock() >= self._order_due:
+            started = self._clock()
+            self._order = doubts_about_order(stereo, left, right, result)
+            spent = self._clock() - started
+            self._order_due = self._clock() + max(self._wait, _SHARE * spent)
+            self._wait = min(2 * self._wait, _LONGEST)
+        self._say(result)
+
+    def _look_at_images(self, left, right):
+        doubts = doubts_about_images(left, right)
+        if doubts != self._images:
+            self._images = doubts
+            self._order_due, self._wait = -float('inf'), _PERIOD
+
+    def _say(self, result):
+        """Say what was not true of the pair before, its numbers left aside."""
+        few = doubt_about_ranges(status_shares(result.status))
+        doubts = {re.split('[;:?]', doubt)[0]: doubt
+                  for doubt in (*self.current, *filter(None, [few]))}
+        for kind in doubts.keys() - self._kinds:
+            self._warn(doubts[kind])
+        self._kinds = set(doubts)
