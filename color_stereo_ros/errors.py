@@ -29,7 +29,7 @@ def brief(value):
 
 
 def bounded(text, limit=_BOUND):
-    """Return a text for a log or for diagnostics, its end cut off beyond a number of characters."""
+    """Return a text for a log or for diagnostics; what exceeds the limit is cut off."""
     return text if len(text) <= limit else f'{text[:limit]}... ({len(text)} characters)'
 
 

@@ -93,6 +93,38 @@ def test_a_dark_scene_is_told_with_its_reason(rig):
     assert 'too little pattern light' in parts['range images'].message
 
 
+def gray(images):
+    """Return the images as a camera without color sees them."""
+    return {side: np.repeat(image.mean(axis=2, keepdims=True).astype(np.uint8), 3, axis=2)
+            for side, image in images.items()}
+
+
+@pytest.mark.parametrize('change, words', [
+    (gray, 'the left image is gray: a mono camera'),
+    (lambda images: dict.fromkeys(images, images['left']), 'left and right image are identical'),
+    (lambda images: {'left': images['right'], 'right': images['left']},
+     'left and right image swapped? The other way round'),
+    (lambda images: {side: image // 64 for side, image in images.items()},
+     'hardly any pixel has a range; ')])
+def test_an_odd_pair_is_doubted_in_the_diagnostics_and_once_in_the_log(rig, change, words):
+    # (the paper's method finds ranges in anything so small)
+    assert rig.set_parameters(matching__method='surface', pattern__type='hue_field').successful
+    subscription = rig.listen(Image, 'depth/image')
+    rig.feed(lambda p: p['range images'].message == 'measuring', 'good pairs')
+    before = len(rig.process.text())
+    rig.images = change(rig.images)
+    parts = rig.feed(lambda p: words in p['range images'].message, words)
+    assert parts['range images'].level == DiagnosticStatus.WARN
+    timer = rig.node.create_timer(0.1, rig.send_pair)
+    rig.spin(1.5)
+    rig.node.destroy_timer(timer)
+    assert rig.process.text()[before:].count(words) == 1
+    rig.images = dict(zip(('left', 'right'), scene()))
+    rig.feed(lambda p: p['range images'].message == 'measuring', 'good pairs again')
+    assert rig.set_parameters(matching__method='paper', pattern__type='sweep').successful
+    rig.node.destroy_subscription(subscription)
+
+
 def test_the_period_of_the_diagnostics_changes_while_running(rig):
     def stamps(period):
         assert rig.set_parameters(output__diagnostics_period=period).successful

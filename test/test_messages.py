@@ -11,6 +11,8 @@ from color_stereo_ros.messages.cloud import cloud
 from color_stereo_ros.messages.contents import Header
 from color_stereo_ros.messages.disparity import disparity
 from color_stereo_ros.messages.outputs import millimeters, Output, OUTPUTS
+from color_stereo_ros.messages.significant_bits import SignificantBits
+from color_stereo_ros.messages.synchronizer import Pair
 from color_stereo_ros.recordings.types import serialized as cdr_of
 
 from known_results import HEADER, known_result, output
@@ -85,6 +87,69 @@ def test_bayer_images_of_16_bits_give_their_high_byte(name, bigendian):
     pair = (high, low) if bigendian else (low, high)
     msg = raw_message(f'bayer_{name}16', np.concatenate(pair, axis=2), is_bigendian=bigendian)
     np.testing.assert_array_equal(reading.image_to_rgb(msg), np.full((6, 8, 3), color))
+
+
+def words_message(name, values, bigendian=0, padding=0):
+    """Return a 16-bit Bayer message that holds values, uint16 (H, W)."""
+    data = values.astype('>u2' if bigendian else '<u2')
+    return raw_message(f'{name}16', data[..., None].view(np.uint8).reshape(*values.shape, 2),
+                       padding, is_bigendian=bigendian)
+
+
+@pytest.mark.parametrize('padding', [0, 3])
+@pytest.mark.parametrize('bigendian', [0, 1])
+@pytest.mark.parametrize('bits', [8, 10, 12, 14, 16])
+def test_bayer_images_of_so_many_significant_bits_give_the_highest_eight(
+        bits, bigendian, padding):
+    color = np.array((200, 90, 30))
+    values = mosaic_of(color, BAYER['rggb'])[..., 0].astype(np.uint16) << (bits - 8)
+    values |= (1 << (bits - 8)) - 1  # the bits below do not count
+    msg = words_message('bayer_rggb', values, bigendian, padding)
+    np.testing.assert_array_equal(reading.image_to_rgb(msg, bits), np.full((6, 8, 3), color))
+    assert reading.largest_value(msg) == values.max()
+
+
+def test_values_beyond_the_significant_bits_count_as_full_scale():
+    msg = words_message('bayer_rggb', np.full((6, 8), 5000, np.uint16))
+    assert (reading.image_to_rgb(msg, 12) == 255).all()
+
+
+def test_only_16_bit_images_have_values_to_watch():
+    assert reading.largest_value(raw_message('rgb8', picture())) == -1
+    mosaic = mosaic_of((9, 9, 9), BAYER['rggb'])
+    assert reading.largest_value(raw_message('bayer_rggb8', mosaic)) == -1
+
+
+def watched(values, pairs=30):
+    """Return what is known after pairs whose brighter image has a largest value."""
+    found = SignificantBits()
+    left, right = (words_message('bayer_rggb', np.full((6, 8), value, np.uint16))
+                   for value in (3, values))
+    for _ in range(pairs):
+        found.note(Pair(left, right, 0, 0, 0.0))
+    return found
+
+
+@pytest.mark.parametrize('largest, bits, words', [
+    (1023, 16, 'largest value of the 16-bit images is 1023 of 65535'),
+    (1023, 16, '(10 or more'), (1024, 16, '(11 or more'), (4095, 16, '(12 or more'),
+    (200, 16, 'if the scene is dark, expose longer'), (16383, 16, 'input.significant_bits'),
+    (16384, 16, None), (65535, 16, None), (4095, 12, None), (200, 12, None),
+    (4096, 12, 'is 4096, but input.significant_bits = 12 expects 0 .. 4095'),
+    (1024, 10, 'expects 0 .. 1023')])
+def test_values_that_do_not_fit_their_bits_are_a_doubt(largest, bits, words):
+    found = watched(largest)
+    doubt = found.doubt(bits)
+    assert (doubt is None) if words is None else words in doubt
+    assert found.news(bits) == doubt and found.news(bits) is None
+
+
+def test_a_few_dark_images_are_no_doubt_and_a_bright_one_ends_it():
+    assert watched(1023, pairs=9).doubt(16) is None
+    found = watched(1023)
+    bright = words_message('bayer_rggb', np.full((6, 8), 60_000, np.uint16))
+    found.note(Pair(bright, bright, 0, 0, 0.0))
+    assert found.doubt(16) is None
 
 
 @pytest.mark.parametrize('encoding, reason', [

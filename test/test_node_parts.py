@@ -3,22 +3,27 @@
 
 from dataclasses import replace
 import errno
+import importlib
 import os
 from pathlib import Path
 import subprocess
 import sys
 import threading
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 from color_stereo_ros.core import RecordingError, Settings
+from color_stereo_ros.core.settings import flat
 from color_stereo_ros.files.cloud import save_cloud
 from color_stereo_ros.messages.calibration_watch import CalibrationWatch
 from color_stereo_ros.messages.synchronizer import Pair
 from color_stereo_ros.nodes.complaints import Complaints
 from color_stereo_ros.nodes.environment import defaults, fast_dds_is_known, LOCAL_PROFILE, PROFILE
 from color_stereo_ros.nodes.sensor import worker as worker_module
+from color_stereo_ros.nodes.sensor.doubts import Doubts
 from color_stereo_ros.nodes.sensor.outputs import Outputs
 from color_stereo_ros.nodes.sensor.worker import Setup, Worker
+from color_stereo_ros.nodes.usage import is_wanted
 from color_stereo_ros.parameters.groups import RangeNodeSettings
 
 import numpy as np
@@ -231,6 +236,9 @@ class Log:
     def info(self, text):
         """Ignore."""
 
+    def warning(self, text):
+        """Ignore."""
+
     def error(self, text):
         """Keep."""
         self.errors.append(text)
@@ -378,6 +386,79 @@ def test_some_pair_of_some_rig_goes_through_every_kernel():
     names = subprocess.run([sys.executable, '-c', WARM], check=True, capture_output=True,
                            text=True).stdout.split()
     assert len(names) > 10
+
+
+# ---- doubts
+
+class CountedStereo:
+    """Measures black pairs; the other way round they have ranges."""
+
+    def __init__(self, swapped_density):
+        self.calls = 0
+        self.density = swapped_density
+
+    def process(self, left, right):
+        """Count."""
+        self.calls += 1
+        return self
+
+
+def looked_at(stereo, seconds, density, said, clock):
+    """Look at 20 pairs a second for a while and return the Doubts."""
+    doubts = Doubts(said.append, clock)
+    left, right = scene()
+    result = SimpleNamespace(density=density, status=np.zeros((4, 4), np.uint8))
+    for _ in range(20 * seconds):
+        clock.now += 0.05
+        doubts.look(stereo, left, right, result)
+    return doubts
+
+
+def test_the_other_order_is_tried_ever_more_rarely():
+    stereo = CountedStereo(0.0)
+    doubts = looked_at(stereo, 60, 0.1, [], Clock())
+    assert doubts.current == [] and 10 <= stereo.calls <= 20
+
+
+def test_the_other_order_is_not_tried_while_there_are_ranges():
+    stereo = CountedStereo(1.0)
+    looked_at(stereo, 60, 0.5, [], Clock())
+    assert stereo.calls == 0
+
+
+def test_a_doubt_is_said_once_while_it_lasts():
+    said = []
+    doubts = looked_at(CountedStereo(0.9), 60, 0.1, said, Clock())
+    assert said == doubts.current and len(said) == 1
+    assert said[0].startswith('left and right image swapped?')
+
+
+# ---- help
+
+@pytest.mark.parametrize('words, wanted', [
+    (['--help'], True), (['-h'], True), (['--ros-args', '-p', 'a:=1', '--', '-h'], True),
+    (['--ros-args', '--help'], True), (['--ros-args', '-r', '-h'], False), ([], False),
+    (['--ros-args', '-p', 'help:=1'], False)])
+def test_help_is_told_from_the_arguments_of_ros(words, wanted):
+    assert is_wanted(words) == wanted
+
+
+@pytest.mark.parametrize('name', ['range_node', 'pattern_node', 'lifecycle_range_node',
+                                  'sim_rig_node'])
+def test_help_lists_topics_and_parameters_and_starts_no_node(name):
+    code = (f'import sys; from color_stereo_ros.nodes.{name} import main; status = main(); '
+            'print("rclpy" in sys.modules); sys.exit(status)')
+    done = subprocess.run([sys.executable, '-c', code, '--help'], capture_output=True, text=True,
+                          cwd=Path(__file__).parents[1], env={**os.environ, 'COLUMNS': '80'})
+    assert (done.returncode, done.stderr) == (0, '')
+    *lines, started = done.stdout.splitlines()
+    assert started == 'False'
+    module = importlib.import_module(f'color_stereo_ros.nodes.{name}')
+    usage = module.usage()
+    assert lines[0].startswith(f'usage: {name} ')
+    for word in (*flat(usage.settings), *(row[0] for row in usage.published)):
+        assert f'  {word}' in done.stdout, word
+    assert all(len(line) <= 80 for line in lines[1:])
 
 
 # ---- files of points

@@ -4,14 +4,19 @@
 from dataclasses import asdict, replace
 import hashlib
 import json
+from pathlib import Path
 
 from color_stereo_ros.core import make_pattern, PatternSettings
+from color_stereo_ros.messages import contents
+from color_stereo_ros.nodes.filling import message_of
+from color_stereo_ros.nodes.pattern_source import serialized
 
 import numpy as np
 
 import pytest
 
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 
 from ros_rig import NodeProcess, Rig
 
@@ -94,3 +99,28 @@ def test_started_bare_the_two_nodes_have_the_same_pattern():
     from color_stereo_ros.parameters.groups import PatternNodeSettings, RangeNodeSettings
     assert RangeNodeSettings().pattern == PatternNodeSettings().pattern
     assert np.ptp(make_pattern(PatternNodeSettings().pattern)) > 0
+
+
+def test_the_largest_pattern_takes_bounded_memory_and_the_node_answers_meanwhile(tmp_path):
+    node = NodeProcess(tmp_path / 'log.txt', 'pattern_node', {
+        'pattern.width': 8192, 'pattern.height': 8192}, arguments=['-r', '__ns:=/large'])
+    rig = Rig('/large', node_name='pattern_node')
+    node.wait_until_said('making hue_field, 8192 x 8192 px')
+    assert not rig.set_parameters(pattern__type='unknown').successful
+    assert 'showing' not in node.text(), 'the answer came only after the pattern'
+    rig.listen(String, 'pattern/info', LATCHED)
+    rig.spin_until(lambda: rig.received['pattern/info'], 'the pattern', patience=300.0)
+    assert rig.set_parameters(pattern__seed=2).successful
+    rig.spin_until(lambda: node.text().count('making') == 2, 'the next one')
+    peak = [line.split()[1] for line in Path(f'/proc/{node.process.pid}/status').read_text()
+            .splitlines() if line.startswith('VmHWM')]
+    assert int(peak[0]) * 1024 < 1.2e9
+    assert node.stop() == 0
+    assert node.text().count('showing') == 1, 'the node ended only after the pattern'
+    rig.close()
+
+
+def test_the_bytes_of_an_image_are_those_of_ros():
+    image = make_pattern(SETTINGS)
+    content = contents.image(image, 'rgb8', contents.Header.at(7, 'frame'))
+    assert deserialize_message(serialized(content), Image) == message_of(content)

@@ -2,7 +2,10 @@
 """The patterns have the properties that the paper and their names promise."""
 
 from color_stereo_ros.core import make_pattern, PatternSettings, Settings, SettingsError
+from color_stereo_ros.core.patterns import blocks, hue_field, wave_field
+from color_stereo_ros.core.patterns.colors import constant_sum_colors
 from color_stereo_ros.core.patterns.expectation import Expectation
+from color_stereo_ros.core.patterns.making import check_pattern
 from color_stereo_ros.core.patterns.pattern import Pattern, Repeats
 from color_stereo_ros.core.patterns.pseudo_noise import repeated_neighborhoods
 from color_stereo_ros.core.patterns.registry import is_aperiodic, makable, PATTERNS, repeating
@@ -188,3 +191,55 @@ def test_the_wave_field_uses_all_colors_in_both_directions():
     correlation = np.corrcoef(image.reshape(-1, 3).T) - np.eye(3)
     assert np.abs(correlation).max() < 0.5
     assert (np.abs(np.diff(image, axis=0)).mean(axis=(0, 1)) > 3).all()
+
+
+def whole_hue_field(settings):
+    """Return the hue field as one computation, without bands."""
+    shape = (settings.height, settings.width)
+    noise = np.random.default_rng(settings.seed).standard_normal(shape)
+    frequency = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1]))
+    blur = np.exp(-2.0 * (np.pi * settings.feature_size * frequency) ** 2)
+    smooth = np.fft.irfft2(np.fft.rfft2(noise) * blur, s=shape)
+    smooth -= smooth.mean()
+    hue = hue_field.HUE_FIELD_DEVIATION * smooth / smooth.std()
+    return np.rint(255.0 * constant_sum_colors(hue)).astype(np.uint8)
+
+
+@pytest.mark.parametrize('piece, band', [(blocks.PIECE, blocks.BAND), (1000, 5000), (128, 1)])
+@pytest.mark.parametrize('width, height', [(300, 40), (8, 8), (13, 9), (257, 1025), (1024, 1024)])
+def test_a_hue_field_in_bands_has_the_bytes_of_the_whole_one(
+        width, height, piece, band, monkeypatch):
+    monkeypatch.setattr(blocks, 'PIECE', piece)
+    monkeypatch.setattr(blocks, 'BAND', band)
+    settings = PatternSettings(width=width, height=height, feature_size=2.5, seed=7)
+    smooth, deviation = hue_field.filtered_noise(settings)
+    values = smooth.rows(slice(0, height))
+    assert deviation == values.std()
+    np.testing.assert_array_equal(make_pattern(settings), whole_hue_field(settings))
+
+
+@pytest.mark.parametrize('kind', ['wave_field', 'pseudo_noise'])
+def test_a_large_pattern_has_the_bytes_of_a_kept_one(kind, monkeypatch):
+    whole = pattern(kind, height=400)
+    monkeypatch.setattr(blocks, 'PIECE', 1000)
+    monkeypatch.setattr(wave_field, 'KEPT', 0)
+    np.testing.assert_array_equal(pattern(kind, height=400), whole)
+
+
+@pytest.mark.parametrize('settings, reason', [
+    ({'type': 'unknown'}, "pattern.type = 'unknown' names no pattern that can be shown"),
+    ({'width': 8, 'feature_size': 256.0, 'height': 8}, 'feature_size = 256.0 px is too large'),
+    ({'width': 64, 'feature_size': 256.0, 'height': 8192}, None),
+    ({'width': 1024, 'feature_size': 256.0}, None),
+    ({'type': 'pseudo_noise', 'feature_size': 1.0, 'width': 8192, 'height': 8192},
+     'expected at most 1000000 for unrepeated')])
+def test_a_check_refuses_at_once_what_cannot_be_made(settings, reason):
+    asked = PatternSettings(**settings)
+    if reason is None:
+        check_pattern(asked)
+        make_pattern(asked)
+        return
+    with pytest.raises(SettingsError, match=reason):
+        check_pattern(asked)
+    with pytest.raises(SettingsError):
+        make_pattern(asked)

@@ -6,6 +6,9 @@ import signal
 
 from color_stereo_ros.core import ColorStereo, Settings
 from color_stereo_ros.core.false_color import false_color
+from color_stereo_ros.messages.reading import image_to_rgb
+
+from diagnostic_msgs.msg import DiagnosticStatus
 
 import numpy as np
 
@@ -146,8 +149,6 @@ def test_padded_rows_give_the_same_depth(rig):
 @pytest.mark.parametrize('bits', [8, 16])
 @pytest.mark.parametrize('pattern', ['rggb', 'bggr', 'gbrg', 'grbg'])
 def test_every_bayer_encoding_gives_the_depth_of_its_demosaiced_images(rig, pattern, bits):
-    from color_stereo_ros.messages.reading import image_to_rgb
-
     def mosaic(image):
         flat = np.empty((HEIGHT, WIDTH), np.uint8)
         for index, name in enumerate(pattern):
@@ -162,6 +163,31 @@ def test_every_bayer_encoding_gives_the_depth_of_its_demosaiced_images(rig, patt
     depth = rig.await_output('depth/image', stamp)
     rig.images = {side: image_to_rgb(message) for side, message in messages.items()}
     assert bytes(depth.data) == expected(rig).depth.tobytes()
+
+
+def test_a_12_bit_camera_is_noticed_once_and_read_by_its_significant_bits(tmp_path):
+    def mosaic(image):
+        flat = np.empty((HEIGHT, WIDTH), np.uint16)
+        for index, channel in enumerate((0, 1, 1, 2)):
+            flat[index // 2::2, index % 2::2] = image[index // 2::2, index % 2::2, channel]
+        data = (flat << 4) + 7  # 12 bits, in the low bits of 16
+        return Image(height=HEIGHT, width=WIDTH, encoding='bayer_rggb16', step=data[0].nbytes,
+                     data=array('B', data.tobytes()))
+
+    words = 'input.significant_bits to their number (12 or more'
+    with answering(tmp_path / 'log.txt', PAPER, {'depth/image': Image}, 'depth/image') as rig:
+        messages = {side: mosaic(image) for side, image in rig.images.items()}
+        for _ in range(12):
+            rig.await_output('depth/image', rig.send_pair(**messages))
+        parts = rig.diagnose(lambda p: words in p['inputs'].message, 'the unused bits')
+        assert parts['inputs'].level == DiagnosticStatus.WARN
+        assert rig.set_parameters(input__significant_bits=12).successful
+        depth = rig.await_output('depth/image', rig.send_pair(**messages))
+        rig.images = {side: image_to_rgb(message, 12) for side, message in messages.items()}
+        assert bytes(depth.data) == expected(rig).depth.tobytes()
+        assert np.isfinite(floats(depth)).mean() > 0.5
+        rig.diagnose(lambda p: words not in p['inputs'].message, 'the end of it')
+        assert rig.process.text().count(words) == 1
 
 
 def test_16uc1_is_millimeters_with_zero_for_unknown(rig):

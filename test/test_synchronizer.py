@@ -290,6 +290,27 @@ def test_the_complaint_tells_how_far_the_stamps_are_apart():
     assert 'tolerance 14.8 ms' in text
 
 
+@pytest.mark.parametrize('silent, words', [
+    (0.1, 'both images arrive, but their stamps differ by'),
+    (0.6, 'no right image any more, left images do arrive')])
+def test_a_camera_is_called_silent_by_its_own_period(silent, words):
+    """A camera of 30 Hz that paused for 0.1 s still arrives; after 0.6 s it does not."""
+    rig = Rig()
+    rig.clock.now += 6.0
+    rig.stream(10, skew=214)
+    rig.clock.now += silent
+    rig.stream(3, first=10, right=False)
+    assert words in rig.sync.complaint(5.0)
+
+
+@pytest.mark.parametrize('patience', [0.0, 5.0])
+def test_no_camera_is_called_silent_that_has_just_sent(patience):
+    rig = Rig()
+    rig.clock.now += 6.0
+    rig.stream(10, skew=214)
+    assert 'both images arrive' in rig.sync.complaint(patience)
+
+
 def test_a_pair_ends_the_complaint():
     rig = Rig()
     rig.clock.now += 6.0

@@ -25,7 +25,8 @@ def usage(name='range_node', summary='Measures depth from pairs of raw color ima
     ), (
         *((topic, output.type.replace('/msg/', '/'), output.description.replace('`', ''))
           for topic, output in OUTPUTS.items()),
-        ('~/acquired', 'std_msgs/Header', 'a requested pair has arrived: the scene may move again'),
+        ('~/acquired', 'std_msgs/Header', 'a requested pair has arrived: the scene may move '
+         'again'),
         ('/diagnostics', 'diagnostic_msgs/DiagnosticArray', 'inputs, calibration, pattern and '
          'range images: what the node does, and why it does not'),
     ), (

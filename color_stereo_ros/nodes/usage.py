@@ -25,8 +25,10 @@ class Usage:
 
     def text(self, width):
         """Return the help, at most so many columns wide."""
-        lines = [f'usage: {self.name} [--help] [--ros-args [-p NAME:=VALUE] [-r TOPIC:=TOPIC] '
-                 '[--params-file FILE] ...]', '', textwrap.fill(self.summary, width)]
+        command = (f'usage: {self.name} [--help] [--ros-args [-p NAME:=VALUE] [-r TOPIC:=TOPIC] '
+                   '[--params-file FILE] ...]')
+        lines = [*textwrap.wrap(command, width, subsequent_indent=' ' * _INDENT), '',
+                 *textwrap.wrap(self.summary, width)]
         for title, rows in (('subscribed topics', self.subscribed),
                             ('published topics', self.published), ('services', self.services)):
             if rows:

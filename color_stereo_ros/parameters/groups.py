@@ -18,8 +18,8 @@ class InputSettings(Group):
         'stream', 'stream: every pair is measured; capture: one pair for each call of the service '
         '~/capture', choices=('stream', 'capture'))
     significant_bits: int = setting(
-        16, 'of 16-bit Bayer images: the values fill so many low bits, 12 for example = 0 .. 4095; '
-        '16 = full scale is 65535', unit='bit', minimum=8, maximum=16)
+        16, 'of 16-bit Bayer images: the values fill so many low bits, 12 for example = 0 .. '
+        '4095; 16 = full scale is 65535', unit='bit', minimum=8, maximum=16)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `color_stereo process` says of an odd pair, said by the node: often enough, cheap enough."""
+"""What `color_stereo process` says of an odd pair, said by the node at a bounded cost."""
 
 import re
 import time

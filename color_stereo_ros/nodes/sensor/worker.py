@@ -153,6 +153,7 @@ class Worker:
                     return
                 self._note_failure(pair, f'{type(error).__name__}: {error}',
                                    traceback.format_exc())
+            pair = None  # images may be large, and the next ones may be long in coming
 
     def _warm_up(self):
         """Compile or load the kernels before the first calibration arrives."""
