@@ -53,5 +53,9 @@ class RecordingError(ColorStereoError):
     """A recording or a result file cannot be read or written."""
 
 
+class ForkError(ColorStereoError):
+    """A process was forked after ColorStereo had been used, and cannot compute."""
+
+
 class InstallationError(ColorStereoError, ImportError):
     """A package that this one needs is missing or does not fit; the text says what to install."""

@@ -6,7 +6,7 @@ import sys
 import threading
 
 AFTER = 2.0  # s: who waits longer wants to know why
-COMPILING = 'the kernels are being compiled, once per machine; this takes up to a minute'
+COMPILING = 'the kernels are being compiled; this takes up to a minute'
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parts of range_node that need no communication."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 import errno
 import importlib
@@ -231,10 +232,11 @@ class Log:
     """A logger that keeps what is said."""
 
     def __init__(self):
-        self.errors = []
+        self.errors, self.lines = [], []
 
     def info(self, text):
-        """Ignore."""
+        """Keep."""
+        self.lines.append(text)
 
     def warning(self, text):
         """Ignore."""
@@ -331,25 +333,35 @@ class Helper:
         """Be gone."""
 
 
-@pytest.mark.parametrize('method, cold, helps', [
-    ('surface', True, True), ('surface', False, False), ('paper', True, False)])
+@pytest.mark.parametrize('method, cold, cached, helps', [
+    ('surface', True, True, True), ('surface', False, True, False), ('paper', True, True, False),
+    ('surface', True, False, False)])
 def test_a_second_process_helps_to_compile_until_the_kernels_are_there(
-        method, cold, helps, monkeypatch):
+        method, cold, cached, helps, monkeypatch):
     helpers = []
 
     def start():
         helpers.append(Helper())
         return helpers[-1]
 
-    monkeypatch.setattr(worker_module.warm_up, 'is_cold', lambda: cold)
+    @contextmanager
+    def told(tell):
+        if cold:
+            tell()
+        yield
+
+    monkeypatch.setattr(worker_module, 'told_of_compiling', told)
+    monkeypatch.setattr(worker_module, 'is_cached', lambda: cached)
     monkeypatch.setattr(worker_module.warm_up, 'start_helper', start)
     settings = replace(RangeNodeSettings(),
                        matching=Settings().updated({'matching.method': method}).matching)
     ready = threading.Event()
-    worker = Worker(Setup(None, settings), print, print, Log(), lambda result: ready.set())
+    log = Log()
+    worker = Worker(Setup(None, settings), print, print, log, lambda result: ready.set())
     worker.start()
     assert ready.wait(120.0)
     worker.stop()
+    assert any(worker_module.COMPILING in text for text in log.lines) == cold
     assert [helper.killed for helper in helpers] == [True] * helps
 
 

@@ -14,7 +14,8 @@ def add_arguments(parser):
                         '(default demo_output)')
     parser.add_argument('--wait', type=float, default=120.0, metavar='S',
                         help='give up on a sample if there is no complete output after so many '
-                             'seconds (default 120: the kernels are compiled once per machine)')
+                             'seconds; the time in which kernels are compiled does not count '
+                             '(default 120)')
 
 
 def run(args):

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import CalibrationError, SettingsError
 from .cameras.rectification import Rectifier
+from .compiled import refuse_after_fork
 from .methods import make_method
 from .results import RangeResult
 from .settings import Settings
@@ -35,11 +36,14 @@ class ColorStereo:
     ------
     CalibrationError, SettingsError
         If an argument has the wrong class, or the depth limits do not fit the calibration.
+    ForkError
+        If this process was forked from one that had used a ColorStereo; methods raise it, too.
 
     """
 
     def __init__(self, calibration, settings=Settings(), *, rectified_input=False):
         """Build the maps and warm the kernels."""
+        refuse_after_fork()
         if not hasattr(calibration, 'geometry'):
             raise CalibrationError(f'calibration = {calibration!r} is no StereoCalibration')
         if not isinstance(settings, Settings):
@@ -71,6 +75,7 @@ class ColorStereo:
             If an image is no array, or its type or size is wrong.
 
         """
+        refuse_after_fork()
         return self._rectifier.rectify(left, right)
 
     def process(self, left, right):
@@ -85,6 +90,7 @@ class ColorStereo:
         Returns
         -------
         result : RangeResult
+            Independent of the images: they may be overwritten.
 
         Raises
         ------
@@ -92,14 +98,23 @@ class ColorStereo:
             If an image is no array, or its type or size is wrong.
 
         """
+        refuse_after_fork()
         left, right = self._rectifier.checked(left, right)
         clock = Stopwatch()
+        kept = left.copy()  # the image is made when asked, and the caller may reuse its arrays
         with KERNELS:
-            found = self._method.measure(left, right, clock)
+            found = self._method.measure(_read_only(kept), _read_only(right), clock)
         return RangeResult(
-            **vars(found), image_source=partial(self._rectifier.rectify_left, left),
+            **vars(found), image_source=partial(self._rectifier.rectify_left, kept),
             geometry=self.calibration.geometry, disparity_limits=self._limits,
             seconds=clock.seconds)
+
+
+def _read_only(image):
+    """Return a view that kernels cannot write: they are compiled for one kind of array."""
+    view = image.view()
+    view.flags.writeable = False
+    return view
 
 
 class Stopwatch:

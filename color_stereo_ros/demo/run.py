@@ -21,6 +21,7 @@ from ..files.image import write_image
 from ..messages.outputs import millimeters
 from ..messages.reading import image_to_rgb
 from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
+from ..nodes.sensor.worker import COMPILING, READY
 from ..parameters.files import read_settings
 from ..recordings.reading import Recording
 from .layout import RECORDING, SETTINGS, TRUTH
@@ -33,8 +34,7 @@ OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': Poin
 
 LOG = 'log'
 MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
-NOTE_EVERY = 3.0  # s between two messages about what the demo waits for
-READY = 'ready after'  # range_node says so when its kernels are compiled
+NOTE_EVERY = 3.0  # s between two signs that the demo goes on
 
 COMMANDS = """\
 color_stereo replay {recording} --loop
@@ -68,6 +68,7 @@ class Demo:
         self.output = output
         self.wait = wait
         self._start = time.monotonic()
+        self._waiting_for = None
 
     def run(self):
         """Return the path of the page."""
@@ -100,8 +101,18 @@ class Demo:
                                  'earlier demo, so it is not replaced')
         shutil.rmtree(self.output)
 
-    def _say(self, text):
-        print(f'[{time.monotonic() - self._start:5.1f} s] {text}', flush=True)
+    def _say(self, text, end='\n'):
+        if self._waiting_for is not None:
+            print()
+            self._waiting_for = None
+        print(f'[{time.monotonic() - self._start:5.1f} s] {text}', end=end, flush=True)
+
+    def _note(self, text):
+        """Say what is waited for, once; a dot each time shows that something goes on."""
+        if text != self._waiting_for:
+            self._say(text, end=' ')
+            self._waiting_for = text
+        print('.', end='', flush=True)
 
     def _measure(self, node, folder):
         """Return the measurement of one sample and write its files."""
@@ -140,26 +151,36 @@ class Demo:
         return messages, image_to_rgb(patterns[-1]), seconds
 
     def _wait(self, node, processes, name, condition, collector, patterns):
-        end = time.monotonic() + self.wait
-        while (left := end - time.monotonic()) > 0:
+        """Spin until the condition holds; the time in which kernels compile does not count."""
+        left = self.wait
+        while left > 0:
+            compiling = is_compiling(processes.log(f'{name}_range_node'))
+            begin = time.monotonic()
             if spin_until(node, condition, min(NOTE_EVERY, left), processes.check):
                 return
-            self._say(f'{name}: {waiting_for(name, processes, collector)}')
+            if not compiling:
+                left -= time.monotonic() - begin
+            self._note(f'{name}: {waiting_for(processes.log(f"{name}_range_node"))}')
+        self._say(f'{name}: giving up')
         missing = [topic for topic, count in collector.received.items() if not count]
         missing += [] if patterns else ['pattern/image']
         raise LiveError(
-            f'{name}: no complete output within {self.wait:.0f} s; nothing came on '
+            f'{name}: no complete output within {self.wait:.0f} s (--wait SECONDS waits longer); '
+            'nothing came on '
             f'{", ".join(missing) or "no topic, but never all of one stamp"}. range_node said:\n'
             f'{processes.log_tail(f"{name}_range_node")}')
 
 
-def waiting_for(name, processes, collector):
-    """Return what a demo waits for, as text."""
-    if READY not in processes.log(f'{name}_range_node'):
-        return ('range_node is compiling its kernels, once per machine; this takes up to a '
-                'minute ...')
-    arrived = sum(count > 0 for count in collector.received.values())
-    return f'range_node is ready; {arrived} of {len(collector.received)} outputs have arrived ...'
+def is_compiling(log):
+    """Tell from its log whether range_node compiles its kernels now."""
+    return COMPILING in log and READY not in log
+
+
+def waiting_for(log):
+    """Return what a demo waits for, as text, from the log of range_node."""
+    if is_compiling(log):
+        return 'range_node is compiling its kernels, which takes up to a minute and is not counted'
+    return f'range_node is {"ready; its outputs are awaited" if READY in log else "starting"}'
 
 
 def first_pair(recording):

@@ -9,11 +9,14 @@ A kernel is a compiled loop that Python calls. Modules of kernels import from he
 - `part` is for a function that only kernels call.
 - `stack_array`, `stack_row`, `stack_integers` give a kernel small arrays on its stack.
 - `Arena` gives out buffers beside each other.
+- `told_of_compiling` and `is_cached` say whether kernels are compiled, and whether for good.
+- `refuse_after_fork` keeps a forked process from hanging.
 
 Behind the door:
 
 - `threads` sets how long threads wait awake. It must come before numba.
 - `requirement` says which numba fits.
+- `caching` keeps compiled code, or goes on without.
 - `stamp` names what compiled code contains, so that no stale code is loaded.
 - `decorators` chooses between `internals` and `plain`.
 - `internals` uses private parts of numba, `plain` does the same without.
@@ -29,10 +32,14 @@ without notice. Therefore setup.py has an upper bound for its version, and `plai
 from . import threads  # noqa: F401, before numba is imported
 from . import requirement  # noqa: F401, tells what to install if numba is missing
 from .arena import Arena
+from .caching import is_cached
+from .compiling import told_of_compiling
 from .decorators import (
     band, banded, BANDS, get_num_threads, LENGTH, parallel, part, prange, serial, stack_array,
     stack_integers, stack_row)
+from .forks import refuse_after_fork
 
 __all__ = [
     'Arena', 'BANDS', 'LENGTH', 'band', 'banded', 'get_num_threads', 'parallel', 'part', 'prange',
-    'serial', 'stack_array', 'stack_integers', 'stack_row']
+    'is_cached', 'refuse_after_fork', 'serial', 'stack_array', 'stack_integers', 'stack_row',
+    'told_of_compiling']

@@ -14,20 +14,19 @@ import logging
 from types import FunctionType
 
 import numba
-from numba import config, get_num_threads, njit, prange, typeof  # noqa: F401, for the door
+from numba import config, get_num_threads, prange, typeof  # noqa: F401, for the door
 import numpy as np
 
 from . import plain
+from .caching import CACHE, cached
+from .forks import refuse_after_fork
 from .plain import BANDS
 from .requirement import InstallationError, is_tested, REQUIREMENT
 from .stamp import stamp
 
+MOST_PARTS = 32  # more functions than any kernel calls: each may fail to be kept
 LENGTH = 64
 """Entries of a stack row: a tile or a patch row fits."""
-
-# A kernel from the cache does not know that there must be threads. This decides on numba's
-# threading layer, which starts none with OpenMP, and tells the compiler where to find it.
-get_num_threads()
 
 
 class _Way:
@@ -99,6 +98,11 @@ class Kernel:
     @cached_property
     def dispatcher(self):
         """Return what numba has made of the function, the way that is chosen now."""
+        refuse_after_fork()
+        # A kernel from the cache does not know that there must be threads. This decides on
+        # numba's threading layer and tells the compiler where to find it. Not earlier: a process
+        # that was forked after this cannot run kernels.
+        get_num_threads()
         return self.made(_WAY.chosen)
 
     def made(self, way):
@@ -115,9 +119,25 @@ class Kernel:
         function.__qualname__ += f'_{stamp(self._function)}' + '_plain' * (way is plain)
         return function
 
+    def _kept_in_memory(self, error, signature):
+        """Return None where all that failed was to keep what is compiled; else the error."""
+        for _ in range(MOST_PARTS):
+            if not isinstance(error, OSError):
+                break
+            CACHE.give_up(error)
+            try:
+                self.dispatcher.compile(signature)  # goes on behind what is compiled already
+                return None
+            except Exception as next_one:
+                error = next_one
+        return error
+
     def _compiled_instead(self, error, args):
         """Return the kernel as compiled the plain way; raise the error if that is no way out."""
         signature = tuple(map(typeof, args))
+        error = self._kept_in_memory(error, signature)
+        if error is None:
+            return self.dispatcher
         if any(signature in made.signatures for made in self._made.values()):
             raise error  # it was compiled, and raised the error itself
         instead = self.made(plain)
@@ -156,12 +176,12 @@ def banded(count=BANDS, **options):
 
 def serial(error_model='numpy', **options):
     """Return a decorator that makes a kernel of a function; options are those of `numba.njit`."""
-    options = {'cache': True, 'nogil': True, 'error_model': error_model, **options}
+    options = {'nogil': True, 'error_model': error_model, **options}
 
     def decorate(function):
         if config.DISABLE_JIT:
             return function
-        return Kernel(function, lambda way, bound: njit(**options)(bound))
+        return Kernel(function, lambda way, bound: cached(bound, **options))
 
     return decorate
 

@@ -12,6 +12,8 @@ import inspect
 from numba import njit, prange
 import numpy as np
 
+from .caching import cached
+
 BANDS = 8  # per kernel: fixed, so that results do not depend on the number of threads
 
 
@@ -26,9 +28,9 @@ def banded(count, **options):
         names = argument_names(function)
         # prange counts without sign, and what mixes both kinds of integers becomes a float
         lines = ('for k in prange(count):', f'    body(number(k), {names})')
-        return njit(cache=True, nogil=True, parallel=True)(written(
+        return cached(written(
             function, lines, body=part(**options)(function), count=count, number=np.intp,
-            prange=prange))
+            prange=prange), nogil=True, parallel=True)
 
     return decorate
 

@@ -30,15 +30,6 @@ def some_calibration():
                                          (-0.06, 0.0, 0.0))
 
 
-def is_cold():
-    """Return whether the kernels of this process are compiled and not loaded."""
-    from ..pipeline import KERNELS
-    from .view_kernels import box_sums
-    with KERNELS:
-        box_sums(np.zeros((2, 2), np.uint32), np.empty((2, 2), np.uint32))
-    return sum(box_sums.stats.cache_misses.values()) > 0
-
-
 def start_helper():
     """
     Return a process that compiles the last kernels; kill it when it is of no more use.

@@ -9,6 +9,7 @@ import traceback
 
 import numpy as np
 
+from ...core.compiled import is_cached, told_of_compiling
 from ...core.pipeline import ColorStereo
 from ...core.surface import warm_up
 from ...errors import bounded, ColorStereoError
@@ -21,6 +22,9 @@ from .doubts import Doubts
 _KEPT = 300
 _PATIENCE = 2.0  # s
 _TRACE = 4000  # characters
+
+COMPILING = 'no compiled kernels are found: they are compiled now'
+READY = 'ready after'
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,13 +163,11 @@ class Worker:
         """Compile or load the kernels before the first calibration arrives."""
         started = time.monotonic()
         self._logger.info('getting ready: loading the kernels')
-        settings = self._wanted.settings.core
-        if settings.matching.method == 'surface' and warm_up.is_cold():
-            self._logger.info('no compiled kernels are found: they are compiled now, which takes '
-                              'up to a minute, once on this machine')
-            self._helper = warm_up.start_helper()
+        settings = self._wanted.settings
         try:
-            stereo = ColorStereo(warm_up.some_calibration(), settings)
+            with told_of_compiling(lambda: self._note_compiling(settings.core)):
+                stereo = ColorStereo(warm_up.some_calibration(), settings.core,
+                                     rectified_input=settings.input.rectified)
             black = np.zeros((*warm_up.SIZE[::-1], 3), np.uint8)
             self._prepare(stereo.process(black, black))
         except ColorStereoError:
@@ -175,7 +177,13 @@ class Worker:
         if self._slot.closed:
             return
         self.state = 'ready'
-        self._logger.info(f'ready after {time.monotonic() - started:.1f} s')
+        self._logger.info(f'{READY} {time.monotonic() - started:.1f} s')
+
+    def _note_compiling(self, settings):
+        """Say that kernels are compiled, not loaded; let another process help."""
+        self._logger.info(f'{COMPILING}, which takes up to a minute')
+        if settings.matching.method == 'surface' and is_cached():
+            self._helper = warm_up.start_helper()
 
     def _end_helper(self):
         """End the process that helps to compile, if there is one."""
@@ -216,10 +224,12 @@ class Worker:
             self._built = None
             self.state = 'getting ready'
             try:
-                self._built = setup.key, ColorStereo(
-                    setup.calibration, setup.settings.core,
-                    rectified_input=setup.settings.input.rectified)
+                with told_of_compiling(lambda: self._note_compiling(setup.settings.core)):
+                    self._built = setup.key, ColorStereo(
+                        setup.calibration, setup.settings.core,
+                        rectified_input=setup.settings.input.rectified)
             finally:
+                self._end_helper()
                 self.state = 'ready'
         return self._built[1]
 

@@ -11,10 +11,11 @@ It calls a compiled function by its address.
 """
 
 from llvmlite import ir
-from numba import njit, prange, types
+from numba import prange, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from ..caching import cached
 from ..plain import argument_names, BANDS, written
 from ..stamp import stamp
 from .parts import part, PartCompiler
@@ -25,9 +26,9 @@ def banded(count, **options):
     def decorate(function):
         lines = (f'address, data = prepare(body, count, ({argument_names(function)},))',
                  'run(address, data)')
-        return njit(cache=True, nogil=True, no_cfunc_wrapper=True, _nrt=False)(written(
+        return cached(written(
             function, lines, body=part(_DisjointArrays, **options)(function), count=count,
-            prepare=_prepare, run=_run))
+            prepare=_prepare, run=_run), nogil=True, no_cfunc_wrapper=True, _nrt=False)
 
     return decorate
 
@@ -60,7 +61,7 @@ def _run(address, data):
 
 
 _run.__qualname__ += f'_{stamp(_run)}'
-_run = njit(cache=True, nogil=True, parallel=True)(_run)
+_run = cached(_run, nogil=True, parallel=True)
 
 
 @intrinsic
