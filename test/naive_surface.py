@@ -10,17 +10,19 @@ helpers without a twin of their own name are part of these. Twins return what th
 import math
 
 from color_stereo_ros.core.status import Status
-from color_stereo_ros.core.surface import grid_kernels
-from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, REPETITION
-from color_stereo_ros.core.surface.grid_kernels import JITTER, PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface import grid_kernels, trust_kernels
+from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, RIVAL_DISTANCE
+from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
 from color_stereo_ros.core.surface.pixel_kernels import bounded, OWN_SHARE
 from color_stereo_ros.core.surface.plane_kernels import LEAST_WEIGHT, RADIUS, SPAN
 from color_stereo_ros.core.surface.trust_kernels import (
-    BENT, CORRELATED, HOPELESS, ISLAND, MOST_ODDS, MURK, PITCH_DARK, UNKNOWN, WHOLE)
+    APART, FULL_SIZE, HIGHEST_ODDS, HOPELESS_ODDS, IMBALANCE_OFFSET, ISLAND_ODDS, STD_PER_DISTANCE,
+    UNKNOWN_ODDS, UNLIT, VARIANCE_FACTOR)
 import numpy as np
 
-FLAT, CEILING = float(grid_kernels.FLAT), float(grid_kernels.CEILING)
+SILENT_VARIANCE = float(grid_kernels.SILENT_VARIANCE)
+MISFIT_CAP = float(trust_kernels.MISFIT_CAP)
 WINDOW = [(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)]
 CROSS = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)]
 
@@ -107,8 +109,8 @@ def color_variance(s, peak, saturation, floor, shot, relative):
     for y, x in nodes_of(s.shape):
         total = max(float(s[y, x]), 1e-3)
         out[y, x] = (floor + shot * total + relative * total ** 2) / total ** 2
-        if peak[y, x] < 0 or peak[y, x] >= saturation or out[y, x] > FLAT:
-            out[y, x] = FLAT
+        if peak[y, x] < 0 or peak[y, x] >= saturation or out[y, x] > SILENT_VARIANCE:
+            out[y, x] = SILENT_VARIANCE
     return out
 
 
@@ -196,7 +198,7 @@ def winners(total, first, least_gap):
         best = [int(np.argmin(line)) for line in total[y]]
         for x, at in enumerate(best):
             rivals = [cost for k, cost in enumerate(total[y, x])
-                      if abs(k - at) > REPETITION]
+                      if abs(k - at) > RIVAL_DISTANCE]
             clear[y, x] = min(rivals, default=math.inf) >= total[y, x, at] + least_gap
             right = x - (first + at)
             if not 0 <= right < total.shape[1]:
@@ -262,16 +264,16 @@ def linearize(left, right, psf, matrix, planes, tiles, robust, scale, reference)
             continue
         i = int(place)
         noise = max(right[2, y, i], right[2, y, i + 1])
-        if noise >= FLAT or left[2, y, x] >= FLAT:
+        if noise >= SILENT_VARIANCE or left[2, y, x] >= SILENT_VARIANCE:
             continue
         (u, gu), (v, gv) = (cubic(right[c, y, i - 1:i + 3].astype(float), place - i)
                             for c in (0, 1))
-        blurred = max(left[2, y, x - 1], left[2, y, x + 1]) < FLAT
+        blurred = max(left[2, y, x - 1], left[2, y, x + 1]) < SILENT_VARIANCE
         own = foreshortened(left, y, x, psf if blurred else 0, a[y, x], b[y, x])
         error = own - matrix @ (u, v, 1)
         slope = matrix[:, :2] @ (gu, gv)
         steep = slope @ slope
-        w = 1 / (scale * (left[2, y, x] + noise) + JITTER * steep)
+        w = 1 / (scale * (left[2, y, x] + noise) + PHASE_VARIANCE * steep)
         chi = w * (error @ error)
         w /= 1 + chi / robust
         out[:, y, x] = w * steep, w * steep * (d[y, x] - reference) - w * (slope @ error), chi
@@ -338,7 +340,7 @@ def find_smooth_tiles(planes, variance, tiles, halo, step):
     d, a, b = planes
     smooth = []
     for tile in tiles:
-        speaking = [node for node in tile_nodes(tile, halo) if variance[node] < FLAT]
+        speaking = [node for node in tile_nodes(tile, halo) if variance[node] < SILENT_VARIANCE]
         inside = set(speaking)
         smooth.append(all(
             ((y - SPAN, x) not in inside
@@ -350,8 +352,8 @@ def find_smooth_tiles(planes, variance, tiles, halo, step):
 
 
 def capped(chi):
-    """Return a misfit, at most CEILING; NaN counts as that."""
-    return float(chi) if chi < CEILING else CEILING
+    """Return a misfit, at most MISFIT_CAP; NaN counts as that."""
+    return float(chi) if chi < MISFIT_CAP else MISFIT_CAP
 
 
 def plane_misfit(left, right, psf, matrix, scale, cap, planes, y, x, step_y, step_x):
@@ -363,12 +365,12 @@ def plane_misfit(left, right, psf, matrix, scale, cap, planes, y, x, step_y, ste
     i = int(place)
     here, there = right[:, y, i].astype(float), right[:, y, i + 1].astype(float)
     noise = max(here[2], there[2])
-    if noise >= FLAT:
+    if noise >= SILENT_VARIANCE:
         return cap / 2
     slope = (there - here)[:2]
     u, v = here[:2] + slope * (place - i)
     error = foreshortened(left, y, x, psf, a, b) - matrix @ (u, v, 1)
-    spread = scale * (left[2, y, x] + noise) + float(JITTER) * (slope @ slope)
+    spread = scale * (left[2, y, x] + noise) + float(PHASE_VARIANCE) * (slope @ slope)
     return min(cap, error @ error / spread)
 
 
@@ -402,7 +404,7 @@ def propagate(left, right, psf, matrix, scale, cap, inertia, planes, tiles, step
 
 def imbalance(left, right):
     """Return the difference over the sum of two brightnesses."""
-    return (left - right) / (left + right + 2 * float(MURK))
+    return (left - right) / (left + right + 2 * float(IMBALANCE_OFFSET))
 
 
 def brightness_balance(d, misfit, left_s, right_s, step, worst, shape):
@@ -432,7 +434,8 @@ def color_sums(left, right, d, misfit, worst, rows, columns, step_y, step_x):
     return normal, target
 
 
-def weigh_evidence(planes, cost, misfit, variance, left_s, right_s, balance, rows, columns, model):
+def weigh_evidence(planes, cost, misfit, variance, left_s, right_s, usual_balance, rows, columns,
+                   form):
     """Return evidence (5, rows, columns) and trust (rows, columns)."""
     d, a, b = planes
     evidence, trust = np.zeros((rows, columns, 5)), np.zeros((rows, columns))
@@ -447,15 +450,15 @@ def weigh_evidence(planes, cost, misfit, variance, left_s, right_s, balance, row
             capped(cost[y, x]), np.mean([capped(misfit[y + j, x + i]) for j, i in WINDOW]),
             math.sqrt(min(variance[y, x], 1)),
             np.mean([abs(s) if abs(s) < 2 else 2.0 for s in steps]),
-            min(abs(imbalance(left_s[y, x], other) - balance[row, column]), 1)])
+            min(abs(imbalance(left_s[y, x], other) - usual_balance[row, column]), 1)])
         inputs = np.append(1, evidence[row, column])
         known = np.isfinite(d[y, x]) and np.isfinite(variance[y, x])
-        trust[row, column] = inputs @ model @ inputs if known else UNKNOWN
+        trust[row, column] = inputs @ form @ inputs if known else UNKNOWN_ODDS
     return np.moveaxis(evidence, 2, 0), trust
 
 
-def join_nodes(planes, trust, first_row, last_row, columns, step):
-    """Return the segments of the nodes of some rows, lists of nodes that hang together."""
+def join_nodes(planes, trust, first_row, last_row, columns, joined_distance):
+    """Return the segments of the nodes of some rows, lists of joined nodes."""
     d, a, b = planes
     waiting = {(y + PAD, x + PAD) for y in range(first_row, last_row) for x in range(columns)
                if trust[y + PAD, x + PAD] > 0}
@@ -463,7 +466,8 @@ def join_nodes(planes, trust, first_row, last_row, columns, step):
     def together(p, q):
         slope = b if p[0] != q[0] else a
         sign = (q[0] - p[0]) + (q[1] - p[1])
-        return any(abs(d[q] - d[p] - sign * slope[r]) < step for r in (p, q))
+        return any(abs(d[q] - d[p] - sign * slope[r]) < joined_distance
+                   for r in (p, q))
 
     segments = []
     while waiting:
@@ -477,29 +481,30 @@ def join_nodes(planes, trust, first_row, last_row, columns, step):
     return segments
 
 
-def size_of(segment, s, bright):
+def size_of(segment, s, full_brightness):
     """Return the size of a segment, dark nodes counting less, in parts of a bright node."""
-    whole = WHOLE
-    return sum(max(1, min(whole, int(whole * s[node] / bright))) for node in segment)
+    return sum(max(1, min(FULL_SIZE, int(FULL_SIZE * s[node] / full_brightness)))
+               for node in segment)
 
 
-def remove_islands(planes, trust, s, bright, rows, columns, step, least_size):
-    """Return trust with ISLAND in small segments."""
+def distrust_islands(planes, trust, s, full_brightness, rows, columns, joined_distance,
+                     least_size):
+    """Return trust with ISLAND_ODDS in small segments."""
     out = trust.copy()
-    for segment in join_nodes(planes, trust, 0, rows, columns, step):
-        if size_of(segment, s, bright) < WHOLE * least_size:
+    for segment in join_nodes(planes, trust, 0, rows, columns, joined_distance):
+        if size_of(segment, s, full_brightness) < FULL_SIZE * least_size:
             for node in segment:
-                out[node] = ISLAND
+                out[node] = ISLAND_ODDS
     return out
 
 
-def find_hidden(planes, trust, rows, columns, width, tolerance):
+def find_hidden(planes, trust, rows, columns, width, hidden_distance):
     """Return which nodes claim the place of a more trusted surface, bool (rows, columns)."""
     d, a = planes[:2].astype(float)
     hidden = np.zeros((rows, columns), bool)
     for row in range(rows):
         y = row + PAD
-        claims = [x for x in range(PAD, PAD + columns) if trust[y, x] > ISLAND]
+        claims = [x for x in range(PAD, PAD + columns) if trust[y, x] > ISLAND_ODDS]
         owner = {}
         for x in claims:
             center = 2 * (x - PAD) - d[y, x]
@@ -511,37 +516,37 @@ def find_hidden(planes, trust, rows, columns, width, tolerance):
         for x in claims:
             rival = owner.get(math.floor(2 * (x - PAD) - d[y, x] + 0.5), x)
             apart = abs(d[y, rival] + a[y, rival] * (x - rival) - d[y, x])
-            hidden[row, x - PAD] = apart > tolerance + 0.25 * abs(x - rival)
+            hidden[row, x - PAD] = apart > hidden_distance + 0.25 * abs(x - rival)
     return hidden
 
 
 def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
-           saturation, dark, hidden_odds, vague):
+           saturation, min_signal, hidden_odds, vague_std):
     """Return standard deviation, log-odds and the reason for no range, (rows, columns) each."""
     std, odds = np.zeros((2, rows, columns))
     reason = np.zeros((rows, columns), np.uint8)
     for row, column in nodes_of((rows, columns)):
         node = row + PAD, column + PAD
-        apart = BENT * evidence[3, row, column] ** 2
-        std[row, column] = math.sqrt(CORRELATED * variance[node] + apart ** 2)
+        apart = STD_PER_DISTANCE * evidence[APART, row, column] ** 2
+        std[row, column] = math.sqrt(VARIANCE_FACTOR * variance[node] + apart ** 2)
         bright = peak[node] >= saturation
         reasons = [
             (Status.OUTSIDE_IMAGE, peak[node] < 0),
             (Status.SATURATED, bright),
-            (Status.DARK, s[node] < dark),
+            (Status.DARK, s[node] < min_signal),
             (Status.NO_MATCH, math.isnan(d[node])),
-            (Status.AMBIGUOUS, variance[node] > vague ** 2),
+            (Status.AMBIGUOUS, variance[node] > vague_std ** 2),
             (Status.OUT_OF_RANGE, not limits[0] <= d[node] <= limits[1]),
             (Status.INCONSISTENT, hidden[node]),
-            (Status.AMBIGUOUS, std[row, column] > vague),
-            (Status.NO_MATCH, cost[node] > 0.3 * CEILING),
+            (Status.AMBIGUOUS, std[row, column] > vague_std),
+            (Status.NO_MATCH, cost[node] > 0.3 * MISFIT_CAP),
             (Status.IMPLAUSIBLE, True)]
         reason[row, column] = next(code for code, holds in reasons if holds)
-        hopeless = (peak[node] < 0 or variance[node] > vague ** 2
-                    or trust[node] < -MOST_ODDS
+        hopeless = (peak[node] < 0 or variance[node] > vague_std ** 2
+                    or trust[node] < -HIGHEST_ODDS
                     or not limits[0] <= d[node] <= limits[1]
-                    or s[node] < PITCH_DARK and not bright)
-        odds[row, column] = HOPELESS if hopeless else (
+                    or s[node] < UNLIT and not bright)
+        odds[row, column] = HOPELESS_ODDS if hopeless else (
             trust[node] + (hidden_odds if hidden[node] else 0))
     return std, odds, reason
 
@@ -571,7 +576,7 @@ def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, off
         value = d + a * (u - 2 * column - 0.5) / 2 + b * (v - 2 * row - 0.5) / 2
         certainty = pixel_odds(odds, v, u, rows, columns)
         images[3, v, u] = 0
-        if odds[node] == HOPELESS or certainty < least_odds:
+        if odds[node] == HOPELESS_ODDS or certainty < least_odds:
             codes[v, u] = reason[node]
         elif not limits[0] <= value <= limits[1]:
             codes[v, u] = Status.OUT_OF_RANGE

@@ -76,9 +76,9 @@ def test_the_spread_fit_recovers_planted_factors_despite_wrong_planes(wrong):
     variance, apart = rng.uniform(1e-4, 4e-3, 50000), rng.exponential(0.05, 50000)
     std = np.sqrt(1.7 * variance + (0.6 * apart) ** 2)
     error = np.where(rng.random(50000) < wrong, 0.9, std * rng.standard_normal(50000))
-    correlated, bent = spread.fitted_spread([(error, variance, apart)])
-    assert correlated == pytest.approx(1.7, rel=0.06)
-    assert bent == pytest.approx(0.6, rel=0.06)
+    variance_factor, std_per_distance = spread.fitted_spread([(error, variance, apart)])
+    assert variance_factor == pytest.approx(1.7, rel=0.06)
+    assert std_per_distance == pytest.approx(0.6, rel=0.06)
 
 
 def test_the_period_fit_recovers_planted_odds():

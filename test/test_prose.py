@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documents are easy to read: short paragraphs, and every name in them leads somewhere."""
 
+from dataclasses import fields
 from pathlib import Path
 import re
+
+from color_stereo_ros.core.constants import listed
+from color_stereo_ros.core.surface.tuning import TUNING
 
 import pytest
 
@@ -80,7 +84,8 @@ def test_links_and_images_lead_somewhere(path):
 @each_page
 def test_the_files_that_a_page_names_exist(path):
     for quoted in re.findall(r'`([^`\n]+)`', path.read_text()):
-        source = source_of(quoted.partition(': ')[0].rstrip('/'))
+        # `file.py: symbol`, or a command whose first word is a file
+        source = source_of(re.split(':? ', quoted)[0].rstrip('/'))
         assert source is None or list(source.parent.glob(source.name)), quoted
 
 
@@ -100,6 +105,14 @@ def test_the_modules_that_a_page_names_exist(path):
         module = PACKAGE.joinpath(*parts)
         assert (module.is_dir() or module.with_suffix('.py').exists()
                 or module.parent.with_suffix('.py').exists()), name
+
+
+@each_page
+def test_the_constants_that_a_page_names_exist(path):
+    groups = '|'.join(spec.name for spec in fields(TUNING))
+    named = set(re.findall(rf'`((?:{groups})\.\w+)`', path.read_text()))
+    files = {name for name in named if name.endswith(('.py', '.yaml'))}
+    assert named - files <= {entry.name for entry in listed(TUNING)}
 
 
 def test_the_sequence_of_the_steps_is_that_of_the_code():

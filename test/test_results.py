@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Status codes, errors and results."""
 
+from dataclasses import fields
+
 from color_stereo_ros.core import (
     CalibrationError, ColorStereoError, ImageError, RangeResult, RecordingError, RectifiedGeometry,
     SettingsError, Status)
@@ -37,6 +39,12 @@ def test_all_errors_are_of_one_family(kind):
 def test_the_disparity_of_infinity_is_the_principal_offset():
     assert GEOMETRY.principal_offset == -10
     assert GEOMETRY.focal_baseline == pytest.approx(10)
+
+
+def test_fields_of_a_result_keep_the_order_that_callers_rely_on():
+    assert [field.name for field in fields(RangeResult)] == [
+        'disparity', 'depth', 'confidence', 'status', 'disparity_std', 'image_source', 'geometry',
+        'disparity_limits', 'seconds']
 
 
 def test_density_counts_valid_pixels_of_all():

@@ -19,16 +19,17 @@ from color_stereo_ros.core.constants import replaced
 from color_stereo_ros.core.surface import planes as surface_planes
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
 from color_stereo_ros.core.surface.coarse_kernels import (
-    add_turned, GUARD, reduce_colors, seed_planes, winners)
+    add_turned, GUARD_COST, reduce_colors, seed_planes, winners)
 from color_stereo_ros.core.surface.grid import tiles_of
-from color_stereo_ros.core.surface.grid_kernels import CEILING, FLAT, PAD, TILE_COLUMNS, TILE_ROWS
-from color_stereo_ros.core.surface.neighbor_kernels import HALO, MARGIN, propagate
+from color_stereo_ros.core.surface.grid_kernels import (
+    PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
+from color_stereo_ros.core.surface.neighbor_kernels import HALO, PATCH_MARGIN, propagate
 from color_stereo_ros.core.surface.pixel_kernels import expand
 from color_stereo_ros.core.surface.plane_kernels import (
     find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
 from color_stereo_ros.core.surface.trust_kernels import (
-    brightness_balance, find_hidden, HOPELESS, ISLAND, join_nodes, remove_islands, root_of,
-    settle, UNKNOWN, weigh_evidence)
+    brightness_balance, distrust_islands, find_hidden, HOPELESS_ODDS, ISLAND_ODDS, join_nodes,
+    MISFIT_CAP, root_of, settle, UNKNOWN_ODDS, weigh_evidence)
 from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.core.surface.view_kernels import (
     add_color_sums, box_sums, channel_levels, sample_colors)
@@ -46,7 +47,8 @@ SOFT, NOISE = F4(TUNING.views.softening), tuple(F4(each) for each in TUNING.view
 PSF = F4(1.2)  # px^2
 ROBUST, STEEPEST = F4(TUNING.planes.robust_misfit), F4(TUNING.planes.steepest)
 TRUNCATION = F4(TUNING.neighbors.misfit_cap)
-CONTINUOUS, SEPARATE = F4(TUNING.trust.continuous), F4(TUNING.trust.separate)
+JOINED_DISTANCE = F4(TUNING.trust.joined_distance)
+HIDDEN_DISTANCE = F4(TUNING.trust.hidden_distance)
 FORM = np.array(TUNING.trust.form, F4)
 MATRIX = np.array([[1.1, 0.05, 0.02], [-0.04, 0.9, -0.03]], F4)
 
@@ -67,12 +69,12 @@ def smooth_noise(rng, shape):
 def colors(rng, width, first, shape, bad_share=0.05):
     """Return u, v, variance (3, *shape) of a view; some nodes say nothing."""
     out = np.zeros((3, *shape), F4)
-    out[2] = FLAT
+    out[2] = SILENT_VARIANCE
     area = np.s_[PAD:PAD + ROWS, first:first + width]
     for channel in range(2):
         out[channel][area] = smooth_noise(rng, (ROWS, width))
     variance = rng.uniform(1e-3, 2e-2, (ROWS, width))
-    variance[rng.random((ROWS, width)) < bad_share] = FLAT
+    variance[rng.random((ROWS, width)) < bad_share] = SILENT_VARIANCE
     out[2][area] = variance
     return out
 
@@ -154,7 +156,7 @@ def test_colors_are_sampled_between_pixels_with_a_variance(rows, widened):
     if widened:
         expected[:2] = [naive.widen(plane, *widening) for plane in expected[:2]]
     np.testing.assert_allclose(out, np.stack(expected), rtol=1e-4, atol=1e-4)
-    assert (out[4] < FLAT).any() and (out[4][index >= 0] == FLAT).any()
+    assert (out[4] < SILENT_VARIANCE).any() and (out[4][index >= 0] == SILENT_VARIANCE).any()
 
 
 @pytest.mark.parametrize('step_x, step_y, left', [(2, 2, PAD), (4, 2, 0)])
@@ -252,7 +254,7 @@ def test_the_largest_path_costs_leave_room_for_the_disparity():
     search = CoarseSearch((24, 32), 64, (2, 20), Settings().matching, tuning, Arena())
     largest = 4 * (8 * int(search.costs[0]) + int(search.penalties[1]))
     assert largest < 2 ** 15
-    assert largest // 4 < GUARD
+    assert largest // 4 < GUARD_COST
     total = np.full((1, 3, 5), largest, I2)
     total[:, 1] -= 1
     disparity, clear = np.empty((2, 1, 5), F4)
@@ -408,9 +410,9 @@ def test_smooth_tiles_hold_one_surface(change):
         shape[1] = -0.8 + np.clip(0.2 * (column - PAD - 12), 0, 1.6)
         shape[0] = 0.1 * row + np.cumsum(shape[1], axis=1)
     if 'dark' in change:
-        variance[PAD + 1:PAD + 8, PAD + 2:PAD + 9] = FLAT
+        variance[PAD + 1:PAD + 8, PAD + 2:PAD + 9] = SILENT_VARIANCE
     smooth = np.empty(len(TILES), bool)
-    step = F4(TUNING.planes.steadiness[-1])
+    step = F4(TUNING.planes.smooth_steps[-1])
     find_smooth_tiles(*shape, variance, TILES, 2, step, smooth)
     expected = naive.find_smooth_tiles(shape.astype(float), variance, TILES, 2, float(step))
     np.testing.assert_array_equal(smooth, expected)
@@ -439,7 +441,7 @@ def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged
 
 def test_the_frame_is_as_wide_as_windows_and_steps_reach():
     farthest = max(step for steps in TUNING.neighbors.steps for step in steps)
-    assert farthest + max(MARGIN, HALO) <= PAD
+    assert farthest + max(PATCH_MARGIN, HALO) <= PAD
     assert 4 * math.ceil(WIDE_RADIUS / 4) <= PAD and WIDE_RADIUS < PAD
 
 
@@ -495,10 +497,10 @@ def judged(seed):
     left_s, right_s, balance = brightness(rng)
     evidence, trust = np.empty((5, ROWS, COLUMNS), F4), np.zeros(SHAPE, F4)
     weigh_evidence(*shape, cost, misfit, variance, left_s, right_s, balance, ROWS, COLUMNS,
-          FORM, evidence, trust)
+                   FORM, evidence, trust)
     expected = naive.weigh_evidence(shape.astype(float), cost, misfit, variance.astype(float),
-                           left_s.astype(float), right_s.astype(float), balance, ROWS, COLUMNS,
-                           FORM.astype(float))
+                                    left_s.astype(float), right_s.astype(float), balance, ROWS,
+                                    COLUMNS, FORM.astype(float))
     return (evidence, trust[INNER]), expected
 
 
@@ -506,7 +508,7 @@ def test_trust_is_the_weighted_sum_of_the_evidence():
     (evidence, trust), expected = judged(23)
     np.testing.assert_allclose(evidence, expected[0], rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(trust, expected[1], rtol=1e-3, atol=5e-3)
-    assert (trust == UNKNOWN).any() and (trust > 0).any()
+    assert (trust == UNKNOWN_ODDS).any() and (trust > 0).any()
 
 
 BRIGHT = 32  # parts of a node are then exact
@@ -531,7 +533,7 @@ def test_nodes_of_a_band_are_joined_to_segments():
     run_of, first, parent, size = np.empty((4, ROWS * COLUMNS), np.int32)
     ends = np.empty(BANDS, np.int32)
     light = light_of_nodes(25)
-    join_nodes(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, CONTINUOUS, run_of,
+    join_nodes(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, JOINED_DISTANCE, run_of,
                first, parent, size, ends)
     for k in range(BANDS):
         top, bottom = band.py_func(k, ROWS)
@@ -551,24 +553,24 @@ def test_nodes_of_a_band_are_joined_to_segments():
 def test_islands_are_the_small_connected_segments(least_size):
     shape, trust = scattered(24)
     light = light_of_nodes(25)
-    expected = naive.remove_islands(shape, trust, light, BRIGHT, ROWS, COLUMNS, 1.0, least_size)
+    expected = naive.distrust_islands(shape, trust, light, BRIGHT, ROWS, COLUMNS, 1.0, least_size)
     scratch = np.empty((4, ROWS * COLUMNS), np.int32)
-    remove_islands(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, CONTINUOUS,
-                   least_size, *scratch)
-    assert CONTINUOUS == 1.0
+    distrust_islands(*shape, trust, light, F4(BRIGHT), ROWS, COLUMNS, JOINED_DISTANCE,
+                     least_size, *scratch)
+    assert JOINED_DISTANCE == 1.0
     np.testing.assert_array_equal(trust, expected)
-    assert (trust == ISLAND).any() and (trust > 0).any()
+    assert (trust == ISLAND_ODDS).any() and (trust > 0).any()
 
 
 def test_hidden_nodes_lie_behind_more_trusted_ones():
     rng = np.random.default_rng(25)
     shape = planes(25, unknown_share=0.1, jump=12.0)
-    trust = framed(rng.normal(0, 3, (ROWS, COLUMNS)), UNKNOWN)
-    trust[np.isnan(shape[0])] = UNKNOWN
+    trust = framed(rng.normal(0, 3, (ROWS, COLUMNS)), UNKNOWN_ODDS)
+    trust[np.isnan(shape[0])] = UNKNOWN_ODDS
     hidden = np.zeros(SHAPE, bool)
-    find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, SEPARATE, hidden,
+    find_hidden(*shape[:2], trust, ROWS, COLUMNS, WIDTH, HIDDEN_DISTANCE, hidden,
                 np.empty((BANDS, WIDTH), np.int32), np.empty((BANDS, WIDTH), F4))
-    expected = naive.find_hidden(shape, trust, ROWS, COLUMNS, WIDTH, float(SEPARATE))
+    expected = naive.find_hidden(shape, trust, ROWS, COLUMNS, WIDTH, float(HIDDEN_DISTANCE))
     assert hidden.any() and not hidden[INNER].all()
     np.testing.assert_array_equal(hidden[INNER], expected)
 
@@ -578,8 +580,8 @@ def test_every_reason_is_given_and_as_documented():
     d = framed(rng.choice([np.nan, -9, 0, 3, 8, 30], (ROWS, COLUMNS)))
     variance = rng.choice([1e-3, 0.2, np.inf], SHAPE).astype(F4)
     evidence = rng.uniform(0, 1, (5, ROWS, COLUMNS)).astype(F4)
-    cost = rng.choice([1, 0.9 * CEILING], SHAPE).astype(F4)
-    trust = rng.choice([ISLAND, -4, 0, 1.5, 4], SHAPE).astype(F4)
+    cost = rng.choice([1, 0.9 * MISFIT_CAP], SHAPE).astype(F4)
+    trust = rng.choice([ISLAND_ODDS, -4, 0, 1.5, 4], SHAPE).astype(F4)
     hidden = rng.random(SHAPE) < 0.3
     peak = rng.choice([-1, 40, 40, 40, 255], SHAPE).astype(F4)
     s = rng.choice([0, 3, 90, 90], SHAPE).astype(F4)
@@ -603,8 +605,8 @@ def expanded(size, seed):
     shape = planes(seed)
     shape[0][:, PAD:PAD + 3] = 4  # the first of these pixels lie outside the right image
     std = rng.random(SHAPE).astype(F4)
-    odds = rng.choice([HOPELESS, -20, -1, 2, 5], SHAPE).astype(F4)
-    odds[np.isnan(shape[0])] = HOPELESS
+    odds = rng.choice([HOPELESS_ODDS, -20, -1, 2, 5], SHAPE).astype(F4)
+    odds[np.isnan(shape[0])] = HOPELESS_ODDS
     odds[:, PAD - 1], odds[:, PAD + COLUMNS] = odds[:, PAD], odds[:, PAD + COLUMNS - 1]
     reason = rng.choice([Status.AMBIGUOUS, Status.NO_MATCH], SHAPE).astype(np.uint8)
     limits, least = np.array([-3, 9], F4), F4(0.4)

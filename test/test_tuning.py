@@ -2,16 +2,18 @@
 """Every constant says what it is and where it comes from; no number hides in the sources."""
 
 import ast
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+import re
 
-from color_stereo_ros.core import account, ColorStereoError, PatternSettings, Settings
+from color_stereo_ros.core import (
+    account, ColorSettings, ColorStereoError, PatternSettings, Settings)
 from color_stereo_ros.core.constants import (
     chosen, constant, Constants, derived, KINDS, listed, replaced)
 from color_stereo_ros.core.paper import tuning as paper
 from color_stereo_ros.core.patterns.expectation import Expectation
 from color_stereo_ros.core.surface import fitted, tuning as surface
-from color_stereo_ros.core.surface.grid_kernels import JITTER, PAD
+from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE
 from color_stereo_ros.core.surface.method import SurfaceMethod
 from color_stereo_ros.core.surface.tuning import slow, TUNING, tuning_for
 from color_stereo_ros.core.surface.warm_up import some_calibration
@@ -29,7 +31,7 @@ FORMULAS = {
     'reduce_colors',      # 16 levels of trust, which `cost_line` shifts away
     'foreshortening',     # 1 / 8 from its derivation
     'best_shifted_mean',  # a mean of nine
-    'weigh_evidence',              # a mean of nine
+    'weigh_evidence',     # a mean of nine
     'linearize',          # cubic Lagrange interpolation
     'logistic',           # the series of the exponential function, and its range
     'join_nodes',         # bits of a link
@@ -55,7 +57,8 @@ def test_every_constant_has_unit_reason_and_provenance(entry):
     assert entry.reason.endswith('.') and entry.reason[0].isupper()
     assert entry.provenance.kind in KINDS
     assert entry.provenance.text.endswith(('.', ')'))
-    assert (entry.provenance.kind == 'fitted') == bool(entry.provenance.command)
+    assert (entry.provenance.kind in ('fitted', 'recorded')) == bool(entry.provenance.command)
+    assert 'found is not recorded' not in entry.provenance.text
 
 
 def test_every_change_for_a_pattern_has_a_provenance():
@@ -131,6 +134,26 @@ def test_every_constant_is_read(room, tuning):
     assert not unread
 
 
+@pytest.mark.parametrize('path', sorted((CORE / 'surface').glob('*_kernels.py')),
+                         ids=lambda path: path.name)
+def test_kernels_call_a_constant_as_the_tuning_does(path):
+    text = path.read_text(encoding='utf-8')
+    pairs = re.findall(r'^(\w+) = (?:F4|I2)?\(?TUNING\.\w+\.(\w+)\)?$', text, re.M)
+    assert not [(name, constant) for name, constant in pairs if name != constant.upper()]
+
+
+def test_values_that_the_settings_tell_in_words_are_those_of_the_tuning():
+    described = {spec.name: spec.metadata['description'] for spec in fields(ColorSettings)}
+    low, high = paper.TUNING.colors.camera_difference
+    assert f'by {TUNING.views.same_camera_balance:.0%}'.replace('%', ' %') in (
+        described['equalize_cameras'])
+    assert f'by {100 * low:.0f} to {100 * high:.0f} %' in described['equalize_cameras']
+
+
+def test_no_log_odds_of_the_period_exceed_those_of_a_node():
+    assert max(TUNING.repetition.odds) == TUNING.trust.odds_limits[1]
+
+
 # ---- the tuning itself
 
 def expected(pattern, cycles=1):
@@ -172,11 +195,11 @@ def test_shared_noise_is_that_of_averages_of_averages(radius):
 
 
 def test_compiled_constants_are_those_of_the_kernels_and_cannot_be_replaced():
-    assert PAD == TUNING.grid.frame and JITTER == np.float32(TUNING.grid.phase_variance)
-    with pytest.raises(ValueError, match='frame = 9 cannot replace 8: .* compiled'):
-        replaced(TUNING, {'grid.frame': 9})
+    assert PAD == TUNING.grid.pad and PHASE_VARIANCE == np.float32(TUNING.pair.phase_variance)
+    with pytest.raises(ValueError, match='pad = 9 cannot replace 8: .* compiled'):
+        replaced(TUNING, {'grid.pad': 9})
     assert {entry.name for entry in listed(TUNING) if entry.compiled} >= {
-        'grid.frame', 'planes.radius', 'trust.bent'}
+        'grid.pad', 'planes.radius', 'trust.std_per_distance'}
 
 
 def test_unknown_constants_are_refused():
@@ -245,6 +268,19 @@ def test_an_override_ships_instead_of_the_fit_and_says_why(tmp_path):
     assert model['a'] == -4.0 and model['b'] == (1.0, (2.5, 3.0))
     assert model.explained('a').endswith('The fit gave 1; set by hand. Better so.')
     assert 'by hand' not in model.explained('b')
+
+
+@pytest.mark.parametrize('values, kind, explained', [
+    ({}, 'fitted', True),
+    ({'overrides': {'a': {'value': -4, 'reason': 'Better so.'}}}, 'chosen', True),
+    ({'command': fitted.NOT_KEPT}, 'recorded', False),
+    ({'command': fitted.NOT_KEPT, 'overrides': {'a': {'value': 2, 'reason': 'So.'}}},
+     'recorded', False)])
+def test_a_model_says_where_its_values_come_from(tmp_path, values, kind, explained):
+    provenance = fitted.load_model(written(tmp_path, content(**values))).provenance('a')
+    assert (provenance.kind, provenance.explained) == (kind, explained)
+    assert bool(provenance.command) == (kind != 'chosen')
+    assert ('command of the fit was not kept' in provenance.text) == (kind == 'recorded')
 
 
 @pytest.mark.parametrize('data, message', [

@@ -173,7 +173,12 @@ def _full_scale(image, camera):
 
 
 def write_bag(output, renderings, scene, pattern, values, overwrite=False):
-    """Write renderings as a rosbag2 recording; the arguments are those of `write_folder`."""
+    """
+    Write renderings as a rosbag2 recording; the arguments are those of `write_folder`.
+
+    A recording holds no settings: values are not read.
+
+    """
     from ..recordings.writing import write_recording
     from .sample import START_NS
     with write_recording(output, overwrite=overwrite) as writer:

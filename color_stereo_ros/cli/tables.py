@@ -83,7 +83,7 @@ def constant_table(constants, variants=None):
     if variants:
         lines = ['| constant | value | other patterns |', '|---|---|---|']
     lines = [f'{line} {rest} |' for line, rest in zip(
-        lines, ('unit | what for | where from', '---|---|---'))]
+        lines, ('unit | what for | where from | how found is recorded', '---|---|---|---'))]
     for entry in listed(constants):
         changes = {name: found[entry.name] for name, found in (variants or {}).items()
                    if entry.name in found}
@@ -93,7 +93,9 @@ def constant_table(constants, variants=None):
                                    for name, change in changes.items()))
         origin = [explained(entry.provenance), *(f'{name.capitalize()}: '
                   f'{explained(change.provenance)}' for name, change in changes.items())]
-        cells += [entry.unit, entry.reason, ' '.join(origin)]
+        known = ['yes' if entry.provenance.explained else 'no', *(
+            f'{name}: no' for name, change in changes.items() if not change.provenance.explained)]
+        cells += [entry.unit, entry.reason, ' '.join(origin), '; '.join(known)]
         lines.append(f'| {" | ".join(cell.replace("|", "/") for cell in cells)} |')
     return '\n'.join(lines) + '\n'
 
@@ -111,7 +113,8 @@ def shown(value):
 
 def explained(provenance):
     """Return where a value comes from, beginning with the kind of its provenance."""
-    command = f' by `{provenance.command}`' if provenance.command else ''
+    link = '; fit it anew by' if provenance.kind == 'recorded' else ' by'
+    command = f'{link} `{provenance.command}`' if provenance.command else ''
     return f'*{provenance.kind}{command}*. {provenance.text}'
 
 

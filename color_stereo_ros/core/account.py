@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .constants import chosen, constant, Constants, derived
+from .constants import constant, Constants, derived, unexplained
 from .status import Status
 
-FIRST = 'The value of the first version (4de8491). How it was found is not recorded.'
+FIRST = 'The value of the first version (4de8491).'
 
 
 @dataclass(frozen=True)
@@ -20,22 +20,22 @@ class AccountTuning(Constants):
         derived('The compression of JPEG leaves 1 or 2 DN in gray images.'))
     gray_share: float = constant(
         0.999, '1', 'Share of pixels without color from which an image is gray.',
-        chosen('A few damaged pixels may have a color. ' + FIRST))
+        unexplained('A few damaged pixels may have a color. ' + FIRST))
     dark: int = constant(
         16, 'DN', 'Brightest channel up to which an image says nothing about color.',
-        chosen(FIRST))
+        unexplained(FIRST))
     few_ranges: float = constant(
         0.05, '1', 'Share of pixels with a range below which something is wrong.',
-        chosen(FIRST))
+        unexplained(FIRST))
     suspicious_share: float = constant(
         0.2, '1', 'Share of pixels with a range below which the images may be swapped.',
-        chosen('Only then the pair is measured a second time. ' + FIRST))
+        unexplained('Only then the pair is measured a second time. ' + FIRST))
     swapped_share: float = constant(
         0.3, '1', 'Share that swapped images must give for a doubt.',
-        chosen(FIRST))
+        unexplained(FIRST))
     swapped_ratio: int = constant(
         3, '1', 'How many times more ranges swapped images must give for a doubt.',
-        chosen(FIRST))
+        unexplained(FIRST))
 
 
 TUNING = AccountTuning()

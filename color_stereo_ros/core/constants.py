@@ -9,7 +9,7 @@ table in docs/tuning.md is made from these fields.
 
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 
-KINDS = 'derived', 'fitted', 'chosen'
+KINDS = 'derived', 'fitted', 'recorded', 'chosen'
 
 
 @dataclass(frozen=True)
@@ -17,11 +17,19 @@ class Provenance:
     """Where a value comes from."""
 
     kind: str
-    """'derived' (from a formula), 'fitted' (by a command) or 'chosen' (by a person)."""
+    """
+    One of KINDS.
+
+    'derived' from a formula, 'fitted' by a command, 'recorded' (a fit whose command was not kept;
+    its values were noted by hand) or 'chosen' by a person.
+
+    """
     text: str
     """The formula and its source, the data of the fit, or why this value was chosen."""
     command: str = ''
-    """What repeats a fit; '' where there is none."""
+    """What repeats a fit, or fits a recorded value anew; '' where there is none."""
+    explained: bool = True
+    """Whether it is on record how the value was found."""
 
 
 @dataclass(frozen=True)
@@ -48,9 +56,24 @@ def fitted(command, data):
     return Provenance('fitted', data, command)
 
 
+def recorded(command, data):
+    """
+    Return the provenance of fitted values of which only the values were kept.
+
+    command fits them anew; it is not the one that found them.
+
+    """
+    return Provenance('recorded', data, command, explained=False)
+
+
 def chosen(why):
     """Return the provenance of a value that a person chose, with all that is known of the why."""
     return Provenance('chosen', why)
+
+
+def unexplained(why):
+    """Return the provenance of a chosen value of which nobody noted how it was found."""
+    return Provenance('chosen', why, explained=False)
 
 
 def constant(value, unit, reason, provenance, *, compiled=False):

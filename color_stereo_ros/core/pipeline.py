@@ -111,7 +111,13 @@ class Stopwatch:
         self._last = perf_counter()
 
     def lap(self, stage, written=None):
-        """Record the time since the last lap, s; what a stage has written is for others."""
+        """
+        Record the time since the last lap, s.
+
+        written, what the stage has written, is not read here. Recorders that take the place of a
+        stopwatch keep it, for example that of `evaluation.method_pictures`.
+
+        """
         now = perf_counter()
         self.seconds[stage] = now - self._last
         self._last = now

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a measurement gives: a match, its ranges, and the result that users get."""
+"""What a method measures, and the result that users get."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,30 +12,24 @@ from .triangulation import points_from_depth
 
 
 @dataclass(frozen=True, eq=False)
-class Match:
-    """What a matching method finds for one rectified pair, in pixels of the left image."""
+class Measurement:
+    """What a matching method makes of one pair, in pixels of the rectified left image."""
 
     disparity: np.ndarray
     """float32 (H, W), x_left - x_right in px, NaN = unknown."""
-    disparity_std: np.ndarray
-    """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
+    depth: np.ndarray
+    """float32 (H, W), meters along Z of the rectified left camera, NaN = unknown."""
     confidence: np.ndarray
     """float32 (H, W), 0..1: the probability of being right within 1 px; 0 = unknown."""
     status: np.ndarray
-    """uint8 (H, W), a `Status` code; 0 exactly where the disparity is finite."""
-
-
-@dataclass(frozen=True, eq=False)
-class Measurement(Match):
-    """A match and what follows from it by triangulation."""
-
-    depth: np.ndarray
-    """float32 (H, W), meters along Z of the rectified left camera, NaN = unknown."""
+    """uint8 (H, W), a `Status` code; 0 exactly where depth is finite."""
+    disparity_std: np.ndarray
+    """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class RangeResult(Measurement):
-    """A measurement of one pair, in the frame and pixels of the rectified left camera."""
+    """What one pair of images gives, in the frame and pixels of the rectified left camera."""
 
     image_source: object
     """The rectified left image, uint8 (H, W, 3), RGB, or a function that makes it when asked."""

@@ -17,8 +17,9 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from ..core import ColorStereo, PatternSettings, Settings, Status
-from ..core.compiled.arena import Arena
+from ..core.compiled import Arena
 from ..core.surface.planes import PlaneField
+from ..core.surface.trust_kernels import EVIDENCE
 from .plots import STYLE
 from .renders import default_pattern, Renders
 
@@ -33,8 +34,8 @@ REJECTED = ListedColormap(['#e6e8ec', '#c8553d'])
 TILES = ListedColormap(['#440154', '#21918c', '#fde725'])
 REASONS = ListedColormap(['#f2f2f2', '#3b4252', '#20262f', '#ffd23f', '#7a5ab0', '#3d6cb4',
                           '#c8553d', '#8fb339', '#e58fb1'])
-EVIDENCE = ('root of cost', 'root of misfit', 'root of std, px^0.5', 'root of apart, px^0.5',
-            'root of imbalance')
+ROOTS = ('root of cost', 'root of misfit', 'root of std, px^0.5', 'root of apart, px^0.5',
+         'root of imbalance')
 
 
 class Recorder:
@@ -135,7 +136,7 @@ def views_picture(steps, inner):
         ('standard deviation', std, 'of u and of v', {'cmap': ERRORS, **limits_of(std)})])
 
 
-def coarse_picture(steps, inner):
+def coarse_picture(steps):
     """Return the coarse disparities and the planes that they seed."""
     seeds = steps['coarse']
     unit = 2 * seeds.factor
@@ -150,7 +151,12 @@ def coarse_picture(steps, inner):
 
 
 def misfit_picture(steps, inner):
-    """Return the misfit of the seeds and after the rounds."""
+    """
+    Return the misfit of the seeds and after the rounds.
+
+    The last one is what the trust reads: in smooth tiles that of the planes before the last fit.
+
+    """
     options = {'cmap': ERRORS, 'vmin': 0, 'vmax': 12}
     label = 'misfit (noise: 2 on average)'
     scale = steps['compare 1'].scale  # the first round assumes 1
@@ -168,13 +174,13 @@ def planes_picture(steps, inner, method):
     smooth = np.zeros(last.d.shape, np.uint8)
     for radius in (tuning.radius, tuning.wide_radius):
         for y, x in last.tiles[last.smooth(last.tiles, steps['colors'], radius,
-                                           tuning.steadiness[-1])]:
+                                           tuning.smooth_steps[-1])]:
             smooth[y:y + method.tuning.grid.tile_rows, x:x + method.tuning.grid.tile_columns] += 1
     nodes = 2 * np.array([tuning.radius, tuning.wide_radius]) + 1
     return draw([
         ('disparity after the first fit', first.d[inner], 'px', scale),
         ('after the second fit', last.d[inner], 'px', scale),
-        ('slope a after the second fit', list(last)[1][inner], 'px per node',
+        ('slope a after the second fit', last.a[inner], 'px per node',
          {'vmin': -1, 'vmax': 1, 'ticks': (-1, -.5, 0, .5, 1)}),
         codes_panel('windows of the tiles', smooth[inner],
                     '0 = gate; no gate: 1 = {0} x {0}, 2 = {1} x {1}'.format(*nodes), TILES)])
@@ -225,8 +231,7 @@ def neighbors_picture(steps, inner):
 def evidence_picture(method):
     """Return the five kinds of evidence."""
     return draw([(name, values, label, {'cmap': ERRORS, **limits_of(values, 2, 95)})
-                 for name, values, label in zip(('cost', 'misfit', 'sigma', 'apart', 'imbalance'),
-                                                method.trust.evidence, EVIDENCE)])
+                 for name, values, label in zip(EVIDENCE, method.trust.evidence, ROOTS)])
 
 
 def trust_picture(steps, inner, method):
@@ -279,7 +284,7 @@ def pictures(renders):
     inner = steps['colors'].grid.inner
     return {
         '1_views': views_picture(steps, inner),
-        '2_coarse': coarse_picture(steps, inner),
+        '2_coarse': coarse_picture(steps),
         '3_misfit': misfit_picture(steps, inner),
         '4_planes': planes_picture(steps, inner, method),
         '5_pair': pair_picture(steps, inner),

@@ -93,7 +93,7 @@ class CalibrationWatch:
         except CalibrationError as error:
             self.calibration = None
             self.error = str(error)
-        self.warnings = _oddities(left, right)
+        self.warnings = _oddities(left)
         self._on_change()
 
 
@@ -105,7 +105,7 @@ def _content(info):
             info.binning_x, info.binning_y, roi.x_offset, roi.y_offset, roi.width, roi.height)
 
 
-def _oddities(left, right):
+def _oddities(left):
     """Return sentences about what is legal but probably a mistake."""
     frame = left.header.frame_id
     if not frame:

@@ -174,11 +174,13 @@ def _coefficients(D):
 
 
 def _map(init_maps, camera):
+    """Return the columns and rows, float32 (H, W), px, of a function of OpenCV for a camera."""
     return init_maps(camera.K.copy(), _coefficients(camera.D), camera.R.copy(),
                      camera.P[:, :3].copy(), (camera.width, camera.height), cv2.CV_32FC1)
 
 
 def _views(rectify, left, right, D_left, D_right, rotation, translation, **fit):
+    """Return R (3, 3) and P (3, 4), float64, of both views from a function of OpenCV."""
     R_left, R_right, P_left, P_right = rectify(
         left.K.copy(), D_left, right.K.copy(), D_right, (left.width, left.height), rotation,
         translation, flags=0, **fit)[:4]

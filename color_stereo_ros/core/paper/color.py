@@ -186,6 +186,17 @@ def split_gains(shared, left, right):
 
     Matching suffers from a difference between the cameras, not from an error that they share.
 
+    Parameters
+    ----------
+    shared : numpy.ndarray, float32, shape (3,)
+        Gains of the channels from the samples of both cameras.
+    left, right : numpy.ndarray, float32, shape (3,)
+        Gains from the samples of one camera.
+
+    Returns
+    -------
+    left, right : numpy.ndarray, float32, shape (3,)
+
     """
     difference = np.log(left / right)
     difference -= np.median(difference)

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The correspondence search of the paper (sec. 2.2 and 3), exhaustive over the disparities."""
 
+from dataclasses import dataclass
 import math
 
 import cv2
 import numpy as np
 
-from ..results import Match, Measurement
+from ..results import Measurement
 from ..triangulation import depth_from_disparity, search_interval
 from . import kernels
 from .color import ColorCorrection
@@ -35,9 +36,26 @@ class PaperMethod:
         return Measurement(**vars(match), depth=depth)
 
 
+@dataclass(frozen=True, eq=False)
+class Match:
+    """What a matching method finds for one rectified pair, in pixels of the left image."""
+
+    disparity: np.ndarray
+    """float32 (H, W), x_left - x_right in px, NaN = unknown."""
+    disparity_std: np.ndarray
+    """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
+    confidence: np.ndarray
+    """float32 (H, W), 0..1: the probability of being right within 1 px; 0 = unknown."""
+    status: np.ndarray
+    """uint8 (H, W), a `Status` code; 0 exactly where the disparity is finite."""
+
+
 class PaperMatcher:
     """
     Finds for each left pixel the right pixel of the same row whose window has the least Q.
+
+    Q is the sum of the color differences of two windows (paper, sec. 2.2). Images are rectified,
+    uint8 (H, W, 3); the match has their H x W, disparities in px.
 
     Parameters
     ----------
@@ -157,7 +175,29 @@ def _median(values):
 
 
 class _Buffers:
-    """Memory of the search, one set per band of rows."""
+    """
+    Memory of the search; D is the number of disparities, P that rounded up to whole vectors.
+
+    Attributes
+    ----------
+    ring : numpy.ndarray, uint16, shape (bands, window rows, W, P)
+        Costs of the rows of the window, in stored units (`search.cost_unit`).
+    sums : numpy.ndarray, int32, shape (bands, W, P)
+        Their sums over the rows of the window.
+    total : numpy.ndarray, int32, shape (bands, P + 2)
+        Cost of the window of one pixel, with room for its neighbors.
+    ratios : numpy.ndarray, float32, shape (bands, 2, 3, W + P - 1)
+        Ratios of the color components of one right row, reversed.
+    right_cost, right_index : numpy.ndarray, int32, shape (bands, W + P - 1)
+        Least cost of each right pixel of a row, and the index of its disparity; reversed.
+    low, high : numpy.ndarray, int32, shape (H, W)
+        First disparity of each pixel and the one after the last, 0 .. D.
+    winner : numpy.ndarray, int32, shape (H, W, 2)
+        Index of the best disparity, and that of the right pixel it leads to; -1 = none.
+    costs : numpy.ndarray, int32, shape (H, W, 4)
+        Before, at and after the winner, and the best elsewhere, in stored units.
+
+    """
 
     def __init__(self, geometry, count, settings):
         bands = kernels.band_count()

@@ -8,9 +8,9 @@ What the paper leaves to the user is a setting. docs/tuning.md lists both kinds 
 
 from dataclasses import dataclass
 
-from ..constants import chosen, constant, Constants, derived
+from ..constants import chosen, constant, Constants, derived, unexplained
 
-FIRST = 'The value of the first version (9569ee0). How it was found is not recorded.'
+FIRST = 'The value of the first version (9569ee0).'
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class ColorTuning(Constants):
         derived('Full scale of an 8-bit channel (paper, sec. 2.2).'))
     dark_percentile: float = constant(
         5.0, '%', 'Percentile of the weakest components that is the dark level.',
-        chosen('One component of the pattern is zero, or a shadow shows it. ' + FIRST))
+        unexplained('One component of the pattern is zero, or a shadow shows it. ' + FIRST))
     dark_step: int = constant(
         8, 'px', 'Distance of the pixels that the dark level is estimated from.',
         chosen('4800 pixels are left at 640 x 480 (12a04d7).'))
@@ -36,9 +36,10 @@ class ColorTuning(Constants):
         4, 'px', 'Rows and columns of a spot.',
         chosen('The mean of 16 pixels has a quarter of their noise.'))
     gain_iterations: int = constant(
-        4, '1', 'Reweighted eigenvalue problems that the gains are estimated by.', chosen(FIRST))
+        4, '1', 'Reweighted eigenvalue problems that the gains are estimated by.',
+        unexplained(FIRST))
     least_gain_samples: int = constant(
-        50, 'pairs of spots', 'Pairs of spots below which all gains are 1.', chosen(FIRST))
+        50, 'pairs of spots', 'Pairs of spots below which all gains are 1.', unexplained(FIRST))
     robust_scale: float = constant(
         1.5, '1', 'Factor of the median contrast beyond which a pair counts less than half.',
         derived('1.4826 times the median is a standard deviation of normal noise; rounded.'))
@@ -56,7 +57,8 @@ class ColorTuning(Constants):
     camera_difference: tuple = constant(
         (0.20, 0.35), '1', 'Differences of the log gains of two cameras: below the first they '
         'share their gains, above the second each has its own.',
-        chosen('Smaller ones are errors of the estimate for two cameras of one type. ' + FIRST))
+        unexplained('Smaller ones are errors of the estimate for two cameras of one type. '
+                    + FIRST))
     least_sum: float = constant(
         1e-6, 'DN', 'Smallest sum of components that a color is divided by.',
         derived('Far below one step of the camera; prevents division by 0.'), compiled=True)
@@ -101,7 +103,7 @@ class SearchTuning(Constants):
         chosen('The value of the first version of the local limit (7293f3f).'))
     mosaic_blur: float = constant(
         1.2, 'px', 'Standard deviation of the noise correlation of single-chip cameras.',
-        chosen('The value of the first version (7293f3f). How it was found is not recorded.'))
+        unexplained('The value of the first version (7293f3f).'))
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,9 @@ class ColorSettings(Group):
     saturation_level: int = setting(
         254, 'a channel at or above this is overexposed', unit='DN', minimum=1, maximum=256)
     min_signal: float = setting(
-        4.0, 'smallest brightest channel above the dark level; below it a pixel counts as dark',
+        4.0, 'paper method: smallest brightest channel above the dark level, below it a pixel '
+        'counts as dark; surface method: sum of the channels below which a missing range is '
+        'called DARK',
         unit='DN', minimum=0.0, maximum=255.0)
     equalize: bool = setting(
         True, 'equalize the channels of the cameras before anything else; the surface method '

@@ -109,7 +109,13 @@ class CoarseSearch:
         return self.seeds
 
     def aggregate(self):
-        """Compare all nodes at all disparities; follow the semi-global paths through the costs."""
+        """
+        Compare all nodes at all disparities; follow the semi-global paths through the costs.
+
+        Reads the colors of both layouts, writes their costs and totals; the sum of all paths is
+        upright.total.
+
+        """
         upright, turned = self.upright, self.turned
         columns, lanes = upright.cost.shape[2], turned.cost.shape[2]
         # column x - d of the right image is stored at x - d + margin
@@ -123,7 +129,12 @@ class CoarseSearch:
         add_turned(self.pairs, columns, upright.total)
 
     def fill_colors(self, left, right):
-        """Write u, v, texture and trust of both views."""
+        """
+        Write u, v, texture and trust of both views, int16, into the upright layout.
+
+        left, right : View
+
+        """
         for view, first, step, out in ((left, PAD, self.factor, self.upright.left),
                                        (right, 0, 2 * self.factor, self.colors)):
             reduce_colors(view.u, view.v, view.s, PAD, first, step, self.factor,
@@ -135,7 +146,7 @@ class CoarseSearch:
         self.upright.inner[4:] = self.colors[2:]
 
     def turn(self):
-        """Copy the colors into the other layout."""
+        """Copy the colors of the upright layout, left and inner, into the turned one."""
         h = self.disparity.shape[0]
         for upright, turned in ((self.upright.left, self.turned.left),
                                 (self.upright.inner, self.turned.inner)):
@@ -168,10 +179,34 @@ def half_way(colors):
 
 
 class Volumes:
-    """Colors, costs and path costs in one layout; see `coarse_kernels`."""
+    """
+    Colors, costs and path costs in one layout; see `coarse_kernels`.
+
+    Parameters
+    ----------
+    lines, lanes : int
+        Size of the coarse grid in this layout, nodes.
+    depth : int
+        Number of disparities.
+    margin : (int, int)
+        Lines and lanes without color around the right image.
+    arena : Arena
+
+    Attributes
+    ----------
+    left : numpy.ndarray, int16, shape (4, lines, lanes)
+        u, v, texture and trust of the left view.
+    right, flat_right, inner : numpy.ndarray, int16
+        Lowest u and v, highest u and v, texture and trust of the right view: with margin, shape
+        (6, lines + 2 margin[0], lanes + 2 margin[1]); the same as (6, N); without margin.
+    cost, total : numpy.ndarray, int16, shape (lines, depth, lanes)
+        Costs of the windows, and sums of path costs.
+    scratch : numpy.ndarray, int16, shape (BANDS, 4, depth, lanes + 2)
+
+    """
 
     def __init__(self, lines, lanes, depth, margin, arena):
-        """Allocate; margin: lines and lanes without color around the right image."""
+        """Allocate."""
         self.left = arena.zeros((4, lines, lanes), np.int16)
         self.right = arena.zeros((6, lines + 2 * margin[0], lanes + 2 * margin[1]), np.int16)
         self.flat_right = self.right.reshape(6, -1)

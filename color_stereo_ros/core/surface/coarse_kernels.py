@@ -20,20 +20,21 @@ from .tuning import TUNING
 I2 = np.int16
 LARGEST = I2(32767)
 # Constants of `tuning`, compiled into the kernels.
-REPETITION = TUNING.repetition.rival_distance
+RIVAL_DISTANCE = TUNING.repetition.rival_distance
 AGREEMENT = TUNING.coarse.agreement
-GUARD = I2(TUNING.coarse.guard_cost)
+GUARD_COST = I2(TUNING.coarse.guard_cost)
 
 
 @banded(fastmath=FAST)
-def reduce_colors(k, u, v, s, top, left, step_x, step_y, soft, scale, knee, out_u, out_v, out_s,
-                  out_w, scratch):
+def reduce_colors(k, u, v, s, top, left, step_x, step_y, softening, scale, full_trust, out_u,
+                  out_v, out_s, out_w, scratch):
     """
     Average step_y x step_x nodes, from (top, left) on, into one coarse node, quantized to int16.
 
     Chromaticities are averaged as colors (weighted by brightness). out_u, out_v are in units of
     1 / scale, out_s (float32) is the mean brightness, out_w the trust 0..16 that rises with
-    brightness and is full at `knee`. scratch is float32 (BANDS, 3, nodes of a row that count).
+    brightness and is full at full_trust (DN). scratch is float32 (BANDS, 3, nodes of a row that
+    count).
 
     """
     rows, columns = out_u.shape
@@ -48,7 +49,7 @@ def reduce_colors(k, u, v, s, top, left, step_x, step_y, soft, scale, knee, out_
             us, vs = u[j, left:left + sum_s.size], v[j, left:left + sum_s.size]
             totals = s[j, left:left + sum_s.size]
             for i in range(sum_s.size):
-                weight = totals[i] + soft
+                weight = totals[i] + softening
                 sum_u[i] += us[i] * weight
                 sum_v[i] += vs[i] * weight
                 sum_s[i] += totals[i]
@@ -58,11 +59,11 @@ def reduce_colors(k, u, v, s, top, left, step_x, step_y, soft, scale, knee, out_
                 color_u += sum_u[i]
                 color_v += sum_v[i]
                 light += sum_s[i]
-            norm = scale / (light + soft * count)
+            norm = scale / (light + softening * count)
             out_u[y, x] = I2(color_u * norm)
             out_v[y, x] = I2(color_v * norm)
             out_s[y, x] = light / count
-            out_w[y, x] = I2(min(F4(16), F4(16) * light / (knee * count)))
+            out_w[y, x] = I2(min(F4(16), F4(16) * light / (full_trust * count)))
 
 
 @part()
@@ -120,8 +121,8 @@ def sum_window(below, above, here, total, out):
     """
     Sum three lines and then three neighbors, int16; total, (lanes + 2,), is scratch.
 
-    The weights are 1, 2, 1 either way, halved, eight in all: edges stay in place, and the
-    surroundings do not outvote thin things.
+    The weights are 1, 2, 1 along both directions, halved, so that their sum is 8: edges stay in
+    place, and the surroundings do not outvote thin things.
 
     """
     lanes = out.size
@@ -164,8 +165,8 @@ def follow_paths(cost, backwards, small, large, total, scratch):
     used = scratch.reshape(-1)[:(2 * depth + 3) * lanes].reshape(2 * depth + 3, lanes)
     lowest, spare, path = used[0], used[1:depth + 1], used[depth + 1:]
     path[:] = I2(0)  # no line precedes the first one
-    path[0] = GUARD
-    path[depth + 1] = GUARD
+    path[0] = GUARD_COST
+    path[depth + 1] = GUARD_COST
     for step in range(lines):
         line = lines - 1 - step if backwards else step
         latest = spare if backwards else total[line]
@@ -254,7 +255,7 @@ def cheapest(total, start, least, best):
 def has_rival(total, x, at, bound):
     """Return whether a disparity that is no neighbor of the best, at, costs less than bound."""
     for d in range(total.shape[0]):
-        if abs(d - at) > REPETITION and total[d, x] < bound:
+        if abs(d - at) > RIVAL_DISTANCE and total[d, x] < bound:
             return True
     return False
 
@@ -273,7 +274,7 @@ def winners(k, total, first, least_gap, disparity, clear, scratch):
 
     Writes disparity (coarse nodes, V-fit between neighbors, NaN where the right image prefers
     a left node more than AGREEMENT away), and clear, float32: 1, or 0 where a disparity more than
-    REPETITION nodes away costs less than least_gap more. scratch int32 (BANDS, 2, columns).
+    RIVAL_DISTANCE nodes away costs less than least_gap more. scratch int32 (BANDS, 2, columns).
 
     """
     rows, depth, columns = total.shape

@@ -12,8 +12,11 @@ from pathlib import Path
 
 from ...errors import ColorStereoError
 from ...files.yaml import load_yaml, UnreadableError
+from ..constants import chosen, fitted, recorded
 
 MODELS = Path(__file__).parent / 'models'
+FITS = 'python -m color_stereo_ros.evaluation.fits'
+NOT_KEPT = 'not recorded'
 KEYS = 'model', 'command', 'revision', 'versions', 'scenes', 'fitted', 'overrides'
 
 
@@ -24,7 +27,7 @@ class FittedModel:
     model: str
     """Which model it is, for example 'trust'."""
     command: str
-    """What made the fit."""
+    """What made the fit, or NOT_KEPT."""
     revision: str
     """Of the source tree that was fitted."""
     versions: object
@@ -41,10 +44,25 @@ class FittedModel:
         override = self.overrides.get(name)
         return frozen(self.fitted[name] if override is None else override['value'])
 
+    def provenance(self, name):
+        """
+        Return where the shipped value of a parameter comes from.
+
+        'recorded' where the command of the fit was not kept, else 'chosen' where a value was set
+        by hand instead of the fitted one, else 'fitted'.
+
+        """
+        text, command = self.explained(name), f'{FITS} {self.model}'
+        if self.command == NOT_KEPT:
+            return recorded(command, text)
+        return chosen(text) if name in self.overrides else fitted(command, text)
+
     def explained(self, name):
-        """Return in one sentence where the shipped value of a parameter comes from."""
+        """Return as text where the shipped value of a parameter comes from."""
         scenes = self.scenes if isinstance(self.scenes, str) else ', '.join(self.scenes)
         text = f'Fitted at revision {self.revision} to: {scenes}.'
+        if self.command == NOT_KEPT:
+            text += ' The values were noted by hand; the command of the fit was not kept.'
         if name in self.overrides:
             text += (f' The fit gave {self.fitted[name]}; set by hand. '
                      f'{self.overrides[name]["reason"]}')

@@ -65,8 +65,8 @@ def noise_weight(image, tuning):
     Return the weight that mere noise has at a node of an image, uint8 (H, W, 3).
 
     The noise of a single-chip camera changes slowly from pixel to pixel, since demosaicing
-    interpolates. The noise of other cameras does not, and has steeper gradients; nor does that of
-    gray images without any pattern.
+    interpolates. The noise of other cameras, and that of gray images without any pattern, is
+    independent from pixel to pixel: its gradients are steeper.
 
     """
     demosaiced, independent = tuning.noise_weights

@@ -29,13 +29,12 @@ I4 = np.int32
 U4 = np.uint32
 NAN = F4(np.nan)
 # Constants of `tuning`, compiled into the kernels.
-PAD = TUNING.grid.frame
+PAD = TUNING.grid.pad
 TILE_ROWS, TILE_COLUMNS = TUNING.grid.tile_rows, TUNING.grid.tile_columns
-JITTER = F4(TUNING.grid.phase_variance)
-FLAT = F4(TUNING.grid.uninformative_variance)
-MOST_WIDENING = F4(TUNING.grid.largest_blur_gain)
-STEEPEST_FACE = F4(TUNING.grid.least_foreshortening)
-CEILING = F4(TUNING.grid.misfit_cap)
+PHASE_VARIANCE = F4(TUNING.pair.phase_variance)
+SILENT_VARIANCE = F4(TUNING.views.silent_variance)
+LARGEST_BLUR_GAIN = F4(TUNING.pair.largest_blur_gain)
+LEAST_FORESHORTENING = F4(TUNING.pair.least_foreshortening)
 
 
 @part()
@@ -60,9 +59,9 @@ def foreshortening(a, b, psf):
     g adds 2 g nodes^2, or 8 g px^2, to that of the left one. A negative gain sharpens.
 
     """
-    face = max(F4(1) - F4(0.5) * a, STEEPEST_FACE)
+    face = max(F4(1) - F4(0.5) * a, LEAST_FORESHORTENING)
     excess = (F4(1) + F4(0.25) * b * b) / (face * face) - F4(1)
-    return min(F4(0.125) * psf * excess, MOST_WIDENING)
+    return min(F4(0.125) * psf * excess, LARGEST_BLUR_GAIN)
 
 
 @part()

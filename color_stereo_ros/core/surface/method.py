@@ -2,16 +2,26 @@
 """
 The surface method: coarse to fine, with a slanted plane at every node.
 
-1. Views: each image is rectified at half resolution (the right one keeps its columns) and
+1. colors: each image is rectified at half resolution (the right one keeps its columns) and
    turned into chromaticity with a variance.
-2. Coarse search: semi-global, over all disparities, on a sixteenth of the pixels or fewer.
-3. Rounds: least squares of a plane at every node, from the gradient of the chromaticity; between
-   the rounds, nodes near depth edges try the planes of their neighbors.
-4. Trust: what is hidden from the right camera, fits badly or is too uncertain gets no range.
+2. coarse: semi-global search over all disparities, on a sixteenth of the pixels or fewer. Its
+   disparities are the seeds of the planes.
+3. Rounds, `matching.refinements` of them:
 
-The cost of all but the coarse step does not depend on the number of disparities. Every step owns
-its buffers, takes what it reads as arguments and returns what it wrote. `grid_kernels` explains
-the half grid.
+   - propagate (from the second round on): nodes near depth edges try the planes of neighbors;
+   - fit: least squares of a plane at every node, from the gradient of the chromaticity;
+   - compare: the nodes are compared again under the new planes; the first round measures noise
+     and colors of the pair from that;
+   - polish (from the second round on): wide windows where this round has made tiles smooth.
+
+4. judge: log-odds, standard deviation and reason of every node. What is hidden from the right
+   camera, fits badly or is too uncertain gets no range.
+5. expand: from nodes to pixels.
+
+These are the names of the stages in `RangeResult.seconds`; those of a round carry its number.
+The time of all but the coarse stage does not depend on the number of disparities. Every stage owns
+its buffers and takes what it reads as arguments. It returns what it wrote, or its docstring says
+what it changes in place. `grid_kernels` explains the half grid.
 
 """
 
@@ -66,10 +76,10 @@ class SurfaceMethod:
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
                                           arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
-        self.match_colors = settings.matching.color_matching and tuning.planes.color_matching
+        self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
             # the black pair that warms the kernels has no colors to match
-            color_matrix(self.views, self.planes, F4(1), tuning.planes)
+            color_matrix(self.views, self.planes, F4(1), tuning)
 
     def measure(self, left, right, clock):
         """
@@ -92,9 +102,11 @@ class SurfaceMethod:
         seeds = self.coarse.search(views)
         clock.lap('coarse', seeds)
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
-        for turn in range(self.settings.matching.refinements):
-            pair = self.refine(turn, views, planes, pair, clock)
-        self.least_squares.correct(planes)
+        if self.settings.matching.refinements:
+            pair = self.fit_seeds(views, planes, pair, clock)
+        for turn in range(1, self.settings.matching.refinements):
+            self.refine(turn, views, planes, pair, clock)
+        self.least_squares.correct_variance(planes)
         verdict = self.trust.judge(views, planes, seeds)
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
@@ -102,9 +114,19 @@ class SurfaceMethod:
         clock.lap('expand', measurement)
         return measurement
 
-    def refine(self, turn, views, planes, pair, clock):
+    def fit_seeds(self, views, planes, pair, clock):
         """
-        Do one round: planes from neighbors (not in the first round), then least squares.
+        Do the first round: fit the seeds, then measure noise and colors of the pair.
+
+        Reads d, a, b of planes. Writes d, a, b, variance and misfit; cost stays 1.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField
+        pair : PairModel
+            Equal cameras, plausible noise.
+        clock : Stopwatch
 
         Returns
         -------
@@ -112,21 +134,46 @@ class SurfaceMethod:
             As the matches of this round show it.
 
         """
-        solver, tiles = self.least_squares, planes.tiles
-        if turn > 0 and self.settings.matching.propagation:
-            tiles = rough_tiles(views, planes, solver.steady[-1])
-            propagate_planes(views, planes, pair, tiles, turn, self.tuning.neighbors)
+        solver = self.least_squares
+        linearized = solver.linearize(views, planes, pair, planes.tiles)
+        solver.fit(linearized, views, planes, pair, planes.tiles, turn=0)
+        clock.lap('fit 1', planes)
+        solver.linearize(views, planes, pair, planes.tiles)
+        pair = pair.measured(views, planes, self.match_colors, self.tuning)
+        clock.lap('compare 1', pair)
+        return pair
+
+    def refine(self, turn, views, planes, pair, clock):
+        """
+        Do a later round: planes from neighbors, least squares, wide windows where they now fit.
+
+        Reads d, a, b of planes. Writes d, a, b, variance, misfit and, near depth edges, cost.
+
+        Parameters
+        ----------
+        turn : int
+            Number of the round, from 1: the seeds had round 0.
+        views : Views
+        planes : PlaneField
+        pair : PairModel
+            As the first round has measured it.
+        clock : Stopwatch
+
+        """
+        solver, edges = self.least_squares, planes.tiles
+        if self.settings.matching.propagation:
+            edges = rough_tiles(views, planes, solver.smooth_steps[-1])
+            propagate_planes(views, planes, pair, edges, turn, self.tuning.neighbors)
             clock.lap(f'propagate {turn}', planes)
         # colors and noise are known better after the first round: everything is fitted anew
-        fitted = planes.tiles if turn < self.tuning.planes.full_rounds else tiles
+        fitted = planes.tiles if turn < self.tuning.planes.full_rounds else edges
         linearized = solver.linearize(views, planes, pair, fitted)
-        rough = solver.fit(linearized, views, planes, pair, fitted, turn)
+        narrow = solver.fit(linearized, views, planes, pair, fitted, turn)
         clock.lap(f'fit {turn + 1}', planes)
-        linearized = solver.linearize(views, planes, pair, tiles)
-        if turn == 0:
-            pair = pair.measured(views, planes, self.match_colors, self.tuning.planes)
+        # only tiles near depth edges: the misfit of all others, which the trust reads, and their
+        # linearized nodes stay those of the planes before this fit
+        linearized = solver.linearize(views, planes, pair, edges)
         clock.lap(f'compare {turn + 1}', pair)
-        if turn > 0:
-            solver.polish(linearized, views, planes, pair, rough)
-            clock.lap(f'polish {turn + 1}', planes)
-        return pair
+        # the misfit of polished tiles is likewise that before they are polished
+        solver.polish(linearized, views, planes, pair, narrow)
+        clock.lap(f'polish {turn + 1}', planes)

@@ -5,15 +5,15 @@ import numpy as np
 
 from ..compiled import band, banded, part, stack_array, stack_row
 from .grid_kernels import (
-    any_above, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN, PAD, TILE_COLUMNS,
-    TILE_ROWS)
+    any_above, copy_tile, F4, FAST, foreshortening, NAN, PAD, PHASE_VARIANCE, SILENT_VARIANCE,
+    TILE_COLUMNS, TILE_ROWS)
 from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
-HALO, MARGIN = TUNING.neighbors.halo, TUNING.neighbors.patch_margin
-NEUTRAL = F4(TUNING.neighbors.neutral_share)
+HALO, PATCH_MARGIN = TUNING.neighbors.halo, TUNING.neighbors.patch_margin
+NEUTRAL_SHARE = F4(TUNING.neighbors.neutral_share)
 PATCH_ROWS = TILE_ROWS + 2 * HALO
-PATCH_COLUMNS = TILE_COLUMNS + 2 * MARGIN
+PATCH_COLUMNS = TILE_COLUMNS + 2 * PATCH_MARGIN
 stack_tile = stack_array(F4, TILE_ROWS, TILE_COLUMNS)
 stack_patch = stack_array(F4, PATCH_ROWS, PATCH_COLUMNS)
 
@@ -25,14 +25,15 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
     Truncated misfit of one tile and its halo under the planes of nodes (step_y, step_x) away.
 
     The left view is blurred as the plane demands, see `foreshortening`. `cap` where the plane is
-    unknown or leads outside the right image; the share NEUTRAL of it where the right image is
-    too dark to tell.
+    unknown or leads outside the right image; the share NEUTRAL_SHARE of it where the right image
+    is too dark to tell. The slope of the colors is taken before the color matrix; `linearize`
+    takes it after the matrix.
 
     """
     width = right_u.shape[1]
     m00, m01, m02 = matrix[0, 0], matrix[0, 1], matrix[0, 2]
     m10, m11, m12 = matrix[1, 0], matrix[1, 1], matrix[1, 2]
-    start = left - MARGIN
+    start = left - PATCH_MARGIN
     stop = start + PATCH_COLUMNS
     lean_x, lean_y = F4(step_x), F4(step_y)
     misfits = stack_row()
@@ -64,10 +65,10 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
             error_u = own_u - (m00 * u + m01 * v + m02)
             error_v = own_v - (m10 * u + m11 * v + m12)
             spread = (scale * (lvar[x] + noise)
-                      + JITTER * (slope_u * slope_u + slope_v * slope_v))
+                      + PHASE_VARIANCE * (slope_u * slope_u + slope_v * slope_v))
             chi = (error_u * error_u + error_v * error_v) / spread
             chi = min(chi, cap)
-            chi = chi if noise < FLAT else NEUTRAL * cap
+            chi = chi if noise < SILENT_VARIANCE else NEUTRAL_SHARE * cap
             misfits[x] = chi if known else cap
         for x in range(PATCH_COLUMNS):
             row[x] = misfits[x]
@@ -85,14 +86,14 @@ def best_shifted_mean(misfit, mean, cost):
     for y in range(1, PATCH_ROWS - 1):
         above, here, below = misfit[y - 1], misfit[y], misfit[y + 1]
         row = mean[y]
-        for x in range(MARGIN - 1, PATCH_COLUMNS - MARGIN + 1):
+        for x in range(PATCH_MARGIN - 1, PATCH_COLUMNS - PATCH_MARGIN + 1):
             row[x] = ninth * (above[x - 1] + above[x] + above[x + 1] + here[x - 1] + here[x]
                               + here[x + 1] + below[x - 1] + below[x] + below[x + 1])
     for y in range(TILE_ROWS):
         above, here, below = mean[y + 1], mean[y + 2], mean[y + 3]
         row = cost[y]
         for x in range(TILE_COLUMNS):
-            at = x + MARGIN
+            at = x + PATCH_MARGIN
             low = min(min(above[at - 1], above[at]), above[at + 1])
             low = min(low, min(min(here[at - 1], here[at]), here[at + 1]))
             row[x] = min(low, min(min(below[at - 1], below[at]), below[at + 1]))

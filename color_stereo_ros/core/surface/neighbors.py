@@ -9,20 +9,31 @@ def propagate_planes(views, planes, pair, tiles, turn, tuning):
     """
     Let the nodes of some tiles try the planes of their neighbors (as PatchMatch stereo does).
 
-    Writes the planes and the cost of these tiles. turn counts the rounds, from 1; tuning is a
-    NeighborTuning.
+    Writes planes.d, a, b and cost in these tiles only.
+
+    Parameters
+    ----------
+    views : Views
+    planes : PlaneField
+    pair : PairModel
+    tiles : numpy.ndarray, int32, shape (N, 2)
+    turn : int
+        Number of the round, from 1.
+    tuning : NeighborTuning
 
     """
     steps = tuning.steps[min(turn, len(tuning.steps)) - 1]
     cap, inertia = F4(tuning.misfit_cap), F4(tuning.inertia)
     left, right = views.left, views.right
-    for number, (old, new) in enumerate(planes.rewritten(tiles, len(steps), whole=False)):
-        # the first call has written the cost of its planes
-        propagate(left.u, left.v, left.variance, right.u, right.v, right.variance,
-                  views.psf, pair.matrix, pair.scale, cap, inertia,
-                  *old, tiles, steps[number], number > 0, *new, planes.cost)
+    for number, step in enumerate(steps):
+        first = number == 0
+        # the first pass copies the nodes that no pass writes, and writes the cost of the planes
+        with planes.rewriting(keep_unwritten=first) as (old, new):
+            propagate(left.u, left.v, left.variance, right.u, right.v, right.variance, views.psf,
+                      pair.matrix, pair.scale, cap, inertia, old.d, old.a, old.b, tiles, step,
+                      not first, new.d, new.a, new.b, planes.cost)
 
 
 def rough_tiles(views, planes, step):
-    """Return the tiles near depth edges, int32 (N, 2); step: as `PlaneField.smooth` has it."""
+    """Return the tiles near depth edges, int32 (N, 2); step: see `PlaneField.smooth`."""
     return planes.tiles[~planes.smooth(planes.tiles, views, HALO, step)]

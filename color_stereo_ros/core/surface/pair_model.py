@@ -36,7 +36,7 @@ class PairModel:
             With the misfit under this model.
         match_colors : bool
             Measure `matrix`, too.
-        tuning : PlaneTuning
+        tuning : Tuning
 
         Returns
         -------
@@ -45,25 +45,43 @@ class PairModel:
 
         """
         rows, columns = views.grid.nodes
-        step_y, step_x = tuning.adapt_steps
+        step_y, step_x = tuning.pair.adapt_steps
         area = np.s_[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
         known = planes.misfit[area][np.isfinite(planes.misfit[area])]
-        if known.size < tuning.least_samples:
+        if known.size < tuning.pair.least_samples:
             return self
         at = known.size // 4
-        scale = F4(np.clip(np.partition(known, at)[at] / tuning.quartile, *tuning.scale_limits))
+        quartile = np.partition(known, at)[at]
+        scale = F4(np.clip(quartile / tuning.pair.quartile, *tuning.pair.scale_limits))
         if not match_colors:
             return replace(self, scale=scale)
         return replace(self, scale=scale, matrix=color_matrix(views, planes, scale, tuning))
 
 
 def color_matrix(views, planes, scale, tuning):
-    """Return the affine map (2, 3) from right to left chromaticities of matched nodes."""
+    """
+    Return the affine map from right to left chromaticities of matched nodes.
+
+    Parameters
+    ----------
+    views : Views
+    planes : PlaneField
+        With the misfit of neutral colors and noise.
+    scale : numpy.float32
+        Of the `PairModel` that is being measured.
+    tuning : Tuning
+
+    Returns
+    -------
+    matrix : numpy.ndarray, float32, shape (2, 3)
+
+    """
     # a prior for equal cameras steadies images with little color
-    normal, target = tuning.color_prior * np.eye(3), tuning.color_prior * np.eye(3, 2)
+    prior = tuning.pair.color_prior
+    normal, target = prior * np.eye(3), prior * np.eye(3, 2)
     left, right = views.left, views.right
     add_color_sums(left.u, left.v, right.u, right.v, planes.d, planes.misfit,
-                   F4(tuning.robust_misfit) * scale, *views.grid.nodes, *tuning.adapt_steps,
-                   normal, target)
+                   F4(tuning.planes.robust_misfit) * scale, *views.grid.nodes,
+                   *tuning.pair.adapt_steps, normal, target)
     # rows in memory as in `PairModel.neutral`: another layout would compile the kernels again
     return np.ascontiguousarray(np.linalg.solve(normal, target).T, F4)

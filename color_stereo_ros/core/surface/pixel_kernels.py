@@ -6,7 +6,7 @@ import numpy as np
 from ..status_codes import INCONSISTENT, OUT_OF_RANGE, VALID
 from ..compiled import band, banded, part, stack_row
 from .grid_kernels import F4, FAST, NAN, PAD, TILE_COLUMNS
-from .trust_kernels import HOPELESS, LEAST_ODDS, MOST_ODDS
+from .trust_kernels import HIGHEST_ODDS, HOPELESS_ODDS, LOWEST_ODDS
 from .tuning import TUNING
 
 OWN_SHARE = F4(TUNING.pixels.own_share)  # compiled into the kernels
@@ -34,7 +34,7 @@ def logistic(odds):
 @part(fastmath=FAST)
 def bounded(odds):
     """Return log-odds within what interpolation may take over from a neighbor."""
-    return min(max(odds, LEAST_ODDS), MOST_ODDS)
+    return min(max(odds, LOWEST_ODDS), HIGHEST_ODDS)
 
 
 @banded(fastmath=FAST)
@@ -83,7 +83,7 @@ def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline,
                     value = dd[x] + aa[x] * lean_x + bb[x] * lean_y
                     certainty = OWN_SHARE * bounded(here[x + 1]) + shared * (
                         near * mixed[x + 1] + far * mixed[x + beside])
-                    sure = (certainty >= least_odds) & (here[x + 1] > HOPELESS)
+                    sure = (certainty >= least_odds) & (here[x + 1] > HOPELESS_ODDS)
                     within = (value >= lowest) & (value <= highest)
                     place = first_column + F4(2 * x) - value
                     seen = (place >= F4(0)) & (place <= last_place)

@@ -30,8 +30,9 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds):
     shape = geometry.height, geometry.width
     disparity, depth, std, confidence = np.empty((4, *shape), F4)
     status = np.empty(shape, np.uint8)
-    expand(*planes, verdict.std, verdict.log_odds, verdict.reason, *planes.grid.nodes, limits,
-           F4(geometry.focal_baseline), F4(geometry.principal_offset), least_odds, disparity,
-           depth, std, confidence, status)
+    rows, columns = planes.grid.nodes
+    expand(planes.d, planes.a, planes.b, verdict.std, verdict.log_odds, verdict.reason, rows,
+           columns, limits, F4(geometry.focal_baseline), F4(geometry.principal_offset), least_odds,
+           disparity, depth, std, confidence, status)
     return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
                        status=status, depth=depth)

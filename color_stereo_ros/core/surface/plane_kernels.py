@@ -5,27 +5,28 @@ import numpy as np
 
 from ..compiled import band, banded, part, stack_array, stack_row
 from .grid_kernels import (
-    any_above, copy_tile, F4, FAST, FLAT, foreshortening, JITTER, NAN, PAD, TILE_COLUMNS,
-    TILE_ROWS)
+    any_above, copy_tile, F4, FAST, foreshortening, NAN, PAD, PHASE_VARIANCE, SILENT_VARIANCE,
+    TILE_COLUMNS, TILE_ROWS)
 from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
 RADIUS, WIDE_RADIUS = TUNING.planes.radius, TUNING.planes.wide_radius
 SPAN = TUNING.planes.span
 LEAST_WEIGHT = F4(TUNING.planes.least_weight)
-LEAST_SIGNAL = F4(TUNING.planes.least_signal_share)
+LEAST_SIGNAL_SHARE = F4(TUNING.planes.least_signal_share)
 
 
 @banded(fastmath=FAST)
 def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix, d, a, b,
-              tiles, robust, scale, reference, weight, moment, misfit):
+              tiles, robust_misfit, scale, reference, weight, moment, misfit):
     """
     Compare every node of some tiles with the place its disparity points to, and linearize there.
 
     With e = L - M R(x - d) and g = M R'(x - d), an error of the disparity shows as e = g (d -
     d_true). Writes weight = w g.g, moment = weight (d - reference) - w g.e and misfit = w e.e,
-    where w = 1 / (scale (var_L + var_R)) and, in weight and moment, is multiplied by Cauchy's
-    1 / (1 + misfit / robust). Interpolated by cubics through four columns: linear
+    where w = 1 / (scale (var_L + var_R) + PHASE_VARIANCE g.g) and, in weight and moment, is
+    multiplied by Cauchy's 1 / (1 + misfit / robust_misfit). g includes the matrix M, unlike the
+    slope in `neighbor_kernels.patch_misfit`. Interpolated by cubics through four columns: linear
     interpolation pulls towards whole pixels, Catmull-Rom by .006 px. The left view of a node is
     blurred as its plane demands, see `foreshortening`, but not beside nodes without information.
     matrix (2, 3) maps right chromaticities to left ones. Unknown d, no information, or a place
@@ -74,7 +75,7 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
                 gu = g0 * u0 + g1 * u1 + g2 * u2 + g3 * u3
                 gv = g0 * v0 + g1 * v1 + g2 * v2 + g3 * v3
                 gain = foreshortening(aa[x], bb[x], psf)
-                gain = gain if max(lvar[x], lvar[x + 2]) < FLAT else F4(0)
+                gain = gain if max(lvar[x], lvar[x + 2]) < SILENT_VARIANCE else F4(0)
                 own = one - two * gain
                 own_u = own * lu[x + 1] + gain * (lu[x] + lu[x + 2])
                 own_v = own * lv[x + 1] + gain * (lv[x] + lv[x + 2])
@@ -83,11 +84,11 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
                 slope_u = m00 * gu + m01 * gv
                 slope_v = m10 * gu + m11 * gv
                 noise = max(rvar[i1], rvar[i2])
-                informed = known & (noise < FLAT) & (lvar[x + 1] < FLAT)
+                informed = known & (noise < SILENT_VARIANCE) & (lvar[x + 1] < SILENT_VARIANCE)
                 steep = slope_u * slope_u + slope_v * slope_v
-                w = one / (scale * (lvar[x + 1] + noise) + JITTER * steep)
+                w = one / (scale * (lvar[x + 1] + noise) + PHASE_VARIANCE * steep)
                 chi = w * (error_u * error_u + error_v * error_v)
-                w = w / (one + chi / robust)
+                w = w / (one + chi / robust_misfit)
                 strength = w * steep
                 pulled = (strength * (dd[x] - reference)
                           - w * (slope_u * error_u + slope_v * error_v))
@@ -280,7 +281,7 @@ def solve_row(sums, d, a, b, noise_weight, ridge, steepest, reference, new_d, ne
         solved_a[x] = slope_x if known else a[x]
         solved_b[x] = slope_y if known else b[x]
         signal = sums[0, x] - noise_weight * sums[9, x]
-        known = known & (signal > LEAST_SIGNAL * s0)
+        known = known & (signal > LEAST_SIGNAL_SHARE * s0)
         spreads[x] = (inverse + spread) * (s0 / signal) if known else F4(np.inf)
     for x in range(TILE_COLUMNS):
         new_d[x] = solved_d[x]
@@ -346,14 +347,14 @@ def find_smooth_tiles(k, d, a, b, color_variance, tiles, halo, step, smooth):
             quiet_after = color_variance[y, left + SPAN:stop]
             for x in range(columns - SPAN):
                 fits = abs(after[x] - here[x] - F4(SPAN) * lean[x]) < step
-                counts = (quiet[x] < FLAT) & (quiet_after[x] < FLAT)
+                counts = (quiet[x] < SILENT_VARIANCE) & (quiet_after[x] < SILENT_VARIANCE)
                 broken += 1 if counts & (not fits) else 0
             if y >= top + SPAN:
                 above, fall = d[y - SPAN, left:stop], b[y - SPAN, left:stop]
                 quiet_above = color_variance[y - SPAN, left:stop]
                 for x in range(columns):
                     fits = abs(here[x] - above[x] - F4(SPAN) * fall[x]) < step
-                    counts = (quiet[x] < FLAT) & (quiet_above[x] < FLAT)
+                    counts = (quiet[x] < SILENT_VARIANCE) & (quiet_above[x] < SILENT_VARIANCE)
                     broken += 1 if counts & (not fits) else 0
             if broken > 0:
                 break

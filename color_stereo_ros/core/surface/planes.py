@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The planes of all nodes: seeded by the coarse search, fitted by least squares."""
 
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,15 +12,38 @@ from .grid_kernels import F4, PAD
 from .plane_kernels import find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS
 
 
+class Planes(NamedTuple):
+    """A plane d + a i + b j at every node; framed float32 arrays."""
+
+    d: np.ndarray
+    """Disparity, px; NaN = unknown."""
+    a: np.ndarray
+    """Slope along the rows, px per node."""
+    b: np.ndarray
+    """Slope along the columns, px per node."""
+
+
 class PlaneField:
     """
     A plane d + a i + b j at every node, and what is known of it; all arrays framed float32.
 
-    Iterating yields d (disparity, px), a and b (slopes, px per node): the arguments of kernels.
-    They are written into other arrays than they are read from. `rewritten` owns that rule.
+    Planes are written into other arrays than they are read from. `rewriting` owns that rule.
+
+    Parameters
+    ----------
+    grid : HalfGrid
+    seed_variance : float
+        Variance of d before any fit, px^2.
+    compared : bool
+        Nodes will be linearized; where they are not, seeds count as fitting.
+    arena : Arena
 
     Attributes
     ----------
+    d : numpy.ndarray
+        Disparities, px; NaN = unknown.
+    a, b : numpy.ndarray
+        Slopes along rows and along columns, px per node.
     variance : numpy.ndarray
         Of d, px^2, for noise of unit misfit; inf = no information.
     misfit : numpy.ndarray
@@ -29,34 +54,36 @@ class PlaneField:
     """
 
     def __init__(self, grid, seed_variance, compared, arena):
-        """
-        Allocate planes, all unknown.
-
-        seed_variance (px^2): of d before any fit. compared: nodes will be linearized; where they
-        are not, seeds count as fitting.
-
-        """
+        """Allocate planes, all unknown."""
         self.grid = grid
         self.seed_variance = F4(seed_variance)
         self.tiles = grid.tiles
-        self._planes = [arena.full(grid.shape, value, F4) for value in (np.nan, 0, 0)]
-        self._spare = [arena.empty(grid.shape, F4) for _ in self._planes]
+        self._planes = Planes(*(arena.full(grid.shape, value, F4) for value in (np.nan, 0, 0)))
+        self._spare = Planes(*(arena.empty(grid.shape, F4) for _ in self._planes))
         self._copy()
         self.variance, self.cost = (arena.zeros(grid.shape, F4) for _ in range(2))
         self.misfit = arena.full(grid.shape, np.nan if compared else 1.0, F4)
 
-    def __iter__(self):
-        """Yield d, a, b."""
-        return iter(self._planes)
-
     @property
     def d(self):
         """Return the disparities of the nodes, px, NaN = unknown."""
-        return self._planes[0]
+        return self._planes.d
+
+    @property
+    def a(self):
+        """Return the slopes along the rows, px per node."""
+        return self._planes.a
+
+    @property
+    def b(self):
+        """Return the slopes along the columns, px per node."""
+        return self._planes.b
 
     def seed(self, seeds):
         """
         Give every node the plane of its coarse node.
+
+        Writes d, a, b, variance and cost; misfit stays as the last pair left it.
 
         Parameters
         ----------
@@ -74,29 +101,33 @@ class PlaneField:
             plane[rows:] = nothing
             plane[:, columns:] = nothing
         # right coarse nodes are averages of columns that lie half a pixel further right
-        seed_planes(seeds.disparity, seeds.factor, F4(-0.5), *self.grid.nodes, *self._planes)
+        seed_planes(seeds.disparity, seeds.factor, F4(-0.5), *self.grid.nodes, self.d, self.a,
+                    self.b)
         self.cost.fill(1.0)
         self.variance.fill(self.seed_variance)
         return self
 
-    def rewritten(self, tiles, passes=1, whole=True):
+    @contextmanager
+    def rewriting(self, keep_unwritten):
         """
-        Yield the planes to read and those to write, once a pass; the new ones then hold.
+        Lend the planes to read and those to write in a `with` block.
+
+        The new planes hold from the end of the block on; after an error the old ones do.
 
         Parameters
         ----------
-        tiles : numpy.ndarray, int32, shape (N, 2)
-            Only these are written. All others keep their planes: they are copied first.
-        passes : int
-        whole : bool
-            Every entry of these tiles is written.
+        keep_unwritten : bool
+            Copy all planes first, so that nodes that the block does not write keep theirs.
+
+        Yields
+        ------
+        old, new : Planes
 
         """
-        if len(tiles) < len(self.tiles) or not whole:
+        if keep_unwritten:
             self._copy()
-        for _ in range(passes):
-            yield self._planes, self._spare
-            self._planes, self._spare = self._spare, self._planes
+        yield self._planes, self._spare
+        self._planes, self._spare = self._spare, self._planes
 
     def _copy(self):
         for plane, spare in zip(self._planes, self._spare):
@@ -104,13 +135,24 @@ class PlaneField:
 
     def smooth(self, tiles, views, halo, step):
         """
-        Return which tiles, with so many nodes around, one surface fills, bool (N,).
+        Return which tiles one surface fills.
 
-        step: px from the plane of a node SPAN away that are no step.
+        Parameters
+        ----------
+        tiles : numpy.ndarray, int32, shape (N, 2)
+        views : Views
+        halo : int
+            Nodes around a tile that the surface must fill, too.
+        step : numpy.float32
+            Distance from the plane of a node SPAN away from which there is a step, px.
+
+        Returns
+        -------
+        smooth : numpy.ndarray, bool, shape (N,)
 
         """
         smooth = np.empty(len(tiles), bool)
-        find_smooth_tiles(*self, views.left.variance, tiles, halo, step, smooth)
+        find_smooth_tiles(self.d, self.a, self.b, views.left.variance, tiles, halo, step, smooth)
         return smooth
 
 
@@ -147,14 +189,21 @@ class LeastSquares:
         self.robust_misfit, self.steepest = F4(tuning.robust_misfit), F4(tuning.steepest)
         self.ridge = F4(tuning.ridge if settings.slanted else tuning.rigid_ridge)
         self.gates = np.array(tuning.gates, F4)
-        self.steady = np.array(tuning.steadiness, F4)
+        self.smooth_steps = np.array(tuning.smooth_steps, F4)
         self.correlation = F4(tuning.noise_correlation if settings.refinements else 1)
 
     def linearize(self, views, planes, pair, tiles):
         """
         Compare the nodes of some tiles with the places that their disparities point to.
 
-        Writes the misfit of these planes.
+        Writes planes.misfit and the linearized nodes in these tiles only; all others keep theirs.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField
+        pair : PairModel
+        tiles : numpy.ndarray, int32, shape (N, 2)
 
         Returns
         -------
@@ -163,24 +212,34 @@ class LeastSquares:
         """
         left, right = views.left, views.right
         linearize(left.u, left.v, left.variance, right.u, right.v, right.variance, views.psf,
-                  pair.matrix, *planes, tiles, self.robust_misfit, pair.scale, self.reference,
-                  self.linearized.weight, self.linearized.moment, planes.misfit)
+                  pair.matrix, planes.d, planes.a, planes.b, tiles, self.robust_misfit, pair.scale,
+                  self.reference, self.linearized.weight, self.linearized.moment, planes.misfit)
         return self.linearized
 
     def fit(self, linearized, views, planes, pair, tiles, turn):
         """
         Fit planes to the linearized nodes of some tiles.
 
-        turn counts the rounds, from 0.
+        Writes planes.d, a, b and variance in these tiles only.
+
+        Parameters
+        ----------
+        linearized : Linearized
+        views : Views
+        planes : PlaneField
+        pair : PairModel
+        tiles : numpy.ndarray, int32, shape (N, 2)
+        turn : int
+            Number of the round, from 0.
 
         Returns
         -------
-        rough : numpy.ndarray, int32, shape (N, 2)
+        narrow : numpy.ndarray, int32, shape (N, 2)
             The tiles that got no wide windows.
 
         """
         at = min(turn, len(self.gates) - 1)
-        step = self.steady[at]
+        step = self.smooth_steps[at]
         reach = np.zeros(len(tiles), np.int8)
         smooth = np.flatnonzero(planes.smooth(tiles, views, RADIUS, step))
         reach[smooth] = RADIUS
@@ -193,12 +252,13 @@ class LeastSquares:
 
     def polish(self, linearized, views, planes, pair, tiles):
         """
-        Fit those tiles once more, in wide windows, that only this round has shown to be smooth.
+        Fit again, with wide windows, the tiles that became smooth in this round.
 
-        A single noisy node of the round before keeps a tile and its surroundings from it.
+        Before the fit, a single noisy node makes a tile and its surroundings rough. Writes
+        planes.d, a, b and variance. tiles, int32 (N, 2): those that `fit` returned.
 
         """
-        smooth = tiles[planes.smooth(tiles, views, WIDE_RADIUS, self.steady[-1])]
+        smooth = tiles[planes.smooth(tiles, views, WIDE_RADIUS, self.smooth_steps[-1])]
         if smooth.size:
             reach = np.full(len(smooth), WIDE_RADIUS, np.int8)  # no window with a gate
             self.solve(linearized, planes, pair, smooth, reach, self.gates[-1], 1)
@@ -207,15 +267,15 @@ class LeastSquares:
         """
         Replace the planes of some tiles, see `plane_kernels.fit_planes`.
 
-        stride: of the window rows near depth edges.
+        stride: of the window rows near depth edges, nodes.
 
         """
-        for old, new in planes.rewritten(tiles):
-            fit_planes(linearized.weight, linearized.moment, *old, tiles, reach, gate, stride,
-                       pair.noise_weight, self.ridge, self.steepest, self.reference, *new,
-                       planes.variance)
+        with planes.rewriting(keep_unwritten=len(tiles) < len(planes.tiles)) as (old, new):
+            fit_planes(linearized.weight, linearized.moment, old.d, old.a, old.b, tiles, reach,
+                       gate, stride, pair.noise_weight, self.ridge, self.steepest, self.reference,
+                       new.d, new.a, new.b, planes.variance)
 
-    def correct(self, planes):
-        """Give the variance of planes its true size where neighbors share their noise."""
+    def correct_variance(self, planes):
+        """Multiply planes.variance by what it lacks where averaged colors share their noise."""
         if self.correlation != 1:
             planes.variance *= self.correlation

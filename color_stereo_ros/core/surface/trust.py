@@ -10,23 +10,49 @@ import numpy as np
 from ..compiled import BANDS
 from ..status import Status
 from .grid_kernels import F4
-from .trust_kernels import brightness_balance, find_hidden, remove_islands, settle, weigh_evidence
+from .trust_kernels import (
+    APART, brightness_balance, distrust_islands, find_hidden, settle, weigh_evidence)
 
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What is held of every node; framed arrays that the next pair overwrites."""
+    """What is held of every node; arrays of the shape of `HalfGrid.shape`, kept for one pair."""
 
     std: np.ndarray
     """float32, standard deviation of the disparity, px."""
     log_odds: np.ndarray
-    """float32, of being right within 1 px; HOPELESS where no range is possible."""
+    """float32, of being right within 1 px, ln(p / (1 - p)); HOPELESS_ODDS where no range is."""
     reason: np.ndarray
     """uint8, a `Status` code: why there may be no range."""
 
 
 class Trust:
-    """Judges the planes of one rig."""
+    """
+    Judges the planes of one rig.
+
+    Parameters
+    ----------
+    grid : HalfGrid
+    limits : numpy.ndarray, float32, shape (2,)
+        Smallest and largest disparity, px.
+    settings : Settings
+    tuning : Tuning
+    arena : Arena
+
+    Attributes
+    ----------
+    limits : numpy.ndarray, float32, shape (2,)
+        Of the disparity at a node, px: wider than that of pixels by `pixels.limit_margin`.
+    log_odds : numpy.ndarray, float32, framed
+        Of being right within 1 px, before nodes are rejected.
+    evidence : numpy.ndarray, float32, shape (5, rows, columns)
+        See `trust_kernels.weigh_evidence`.
+    hidden : numpy.ndarray, bool, framed
+        A more trusted surface claims the place in the right image.
+    least_odds : numpy.float32
+        Log-odds from which a pixel has a range.
+
+    """
 
     def __init__(self, grid, limits, settings, tuning, arena):
         """Allocate the evidence."""
@@ -44,8 +70,8 @@ class Trust:
         samples = (max(1, count // self.tuning.balance_step) for count in grid.nodes)
         self.balance = arena.zeros((2, *samples), F4)
         self.hidden = arena.zeros(grid.shape, bool)
-        self.owners = arena.empty((BANDS, grid.width), np.int32), arena.empty(
-            (BANDS, grid.width), F4)
+        self.owner = arena.empty((BANDS, grid.width), np.int32)
+        self.owner_odds = arena.empty((BANDS, grid.width), F4)
         self.segments = arena.empty((4, grid.rows * grid.columns), np.int32)
         self.verdict = Verdict(arena.zeros(grid.shape, F4), arena.zeros(grid.shape, F4),
                                arena.zeros(grid.shape, np.uint8))
@@ -68,7 +94,7 @@ class Trust:
         self.weigh(views, planes)
         if self.tuning.discord_odds:
             self.distrust_discord(planes)
-        self.remove_islands(views, planes)
+        self.distrust_islands(views, planes)
         self.find_hidden(planes)
         verdict = self.settle(views, planes)
         if seeds.clear_share is not None:
@@ -76,23 +102,25 @@ class Trust:
         return verdict
 
     def weigh(self, views, planes):
-        """Write the evidence of every node, and the log-odds that follow from it."""
-        usual = self.usual_balance(views, planes)
-        weigh_evidence(*planes, planes.cost, planes.misfit, planes.variance, views.left.s,
-                       views.right.s, usual, *self.grid.nodes, self.form, self.evidence,
-                       self.log_odds)
+        """Write the evidence of every node and, in log_odds, what follows from it."""
+        usual_balance = self.usual_balance(views, planes)
+        rows, columns = self.grid.nodes
+        weigh_evidence(planes.d, planes.a, planes.b, planes.cost, planes.misfit, planes.variance,
+                       views.left.s, views.right.s, usual_balance, rows, columns, self.form,
+                       self.evidence, self.log_odds)
 
     def usual_balance(self, views, planes):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
         tuning = self.tuning
+        balance, weight = self.balance
         brightness_balance(planes.d, planes.misfit, views.left.s, views.right.s,
-                           tuning.balance_step, self.robust_misfit, *self.balance)
+                           tuning.balance_step, self.robust_misfit, balance, weight)
         around = (tuning.balance_surroundings,) * 2
-        balance, weight = (cv2.blur(each, around) for each in self.balance)
+        balance, weight = cv2.blur(balance, around), cv2.blur(weight, around)
         return self.at_all_nodes(balance / np.maximum(weight, F4(tuning.least_balance_weight)))
 
     def at_all_nodes(self, samples):
-        """Return samples of a coarser grid at all nodes, linearly interpolated."""
+        """Return samples, float32 (h, w), at all nodes (rows, columns), linearly interpolated."""
         return cv2.resize(samples, self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
 
     def distrust_discord(self, planes):
@@ -106,7 +134,8 @@ class Trust:
         tuning, inner = self.tuning, self.grid.inner
         thinned = np.s_[::tuning.discord_step, ::tuning.discord_step]
         known = (planes.variance[inner][thinned] < F4(tuning.discord_variance)).view(np.uint8)
-        apart = (self.evidence[3][thinned] > F4(tuning.discord_distance)).view(np.uint8) & known
+        apart = self.evidence[APART][thinned] > F4(tuning.discord_distance)
+        apart = apart.view(np.uint8) & known
         # border pixels are repeated, by both counts alike
         around = (tuning.discord_surroundings,) * 2
         counts = [cv2.boxFilter(each, cv2.CV_32F, around, normalize=False)
@@ -119,36 +148,42 @@ class Trust:
             cv2.scaleAdd(self.at_all_nodes(excess), loss, self.log_odds[inner],
                          dst=self.log_odds[inner])
 
-    def remove_islands(self, views, planes):
-        """Distrust surfaces that are smaller than `matching.min_segment`."""
+    def distrust_islands(self, views, planes):
+        """Lower log_odds of surfaces that are smaller than `matching.min_segment`."""
         least_nodes = self.settings.matching.min_segment // 4
         if least_nodes > 1:
-            remove_islands(*planes, self.log_odds, views.left.s, F4(self.tuning.bright),
-                           *self.grid.nodes, F4(self.tuning.continuous), least_nodes,
-                           *self.segments)
+            rows, columns = self.grid.nodes
+            run_of, first, parent, size = self.segments
+            distrust_islands(planes.d, planes.a, planes.b, self.log_odds, views.left.s,
+                             F4(self.tuning.full_brightness), rows, columns,
+                             F4(self.tuning.joined_distance), least_nodes, run_of, first, parent,
+                             size)
 
     def find_hidden(self, planes):
-        """Mark nodes whose place in the right image shows a more trusted surface."""
+        """Mark in hidden the nodes whose place in the right image shows a more trusted surface."""
         if self.settings.matching.occlusion_test:
-            d, a, _ = planes
-            find_hidden(d, a, self.log_odds, *self.grid.nodes, self.grid.width,
-                        F4(self.tuning.separate), self.hidden, *self.owners)
+            rows, columns = self.grid.nodes
+            find_hidden(planes.d, planes.a, self.log_odds, rows, columns, self.grid.width,
+                        F4(self.tuning.hidden_distance), self.hidden, self.owner,
+                        self.owner_odds)
 
     def settle(self, views, planes):
         """Return standard deviation, final log-odds and reason of every node."""
         color, verdict = self.settings.color, self.verdict
+        rows, columns = self.grid.nodes
         settle(planes.d, planes.variance, self.evidence, planes.cost, self.log_odds, self.hidden,
-               views.left.peak, views.left.s, *self.grid.nodes, self.limits,
+               views.left.peak, views.left.s, rows, columns, self.limits,
                F4(color.saturation_level - 1), F4(color.min_signal), F4(self.tuning.hidden_odds),
                F4(self.tuning.vague_std), verdict.std, verdict.log_odds, verdict.reason)
         return verdict
 
     def doubt_repetitions(self, clear_share, verdict):
         """
-        Trust no node more than that no repetition of the pattern was taken for its match.
+        Limit the log-odds of each node to those of the right period.
 
-        That is decided for whole surfaces: where a repetition costs about as much at many nodes,
-        it may have won at all of them.
+        A repetition of the pattern may have been taken for the match. That is decided for whole
+        surfaces: where a repetition costs about as much at many nodes, it may have won at all of
+        them.
 
         """
         odds = np.interp(self.at_all_nodes(clear_share), self.repetition.clear_shares,

@@ -8,25 +8,29 @@ import numpy as np
 from ..status_codes import (
     AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
 from ..compiled import band, banded, BANDS, LENGTH, part, serial, stack_row
-from .grid_kernels import CEILING, F4, FAST, I4, PAD, TILE_COLUMNS
+from .grid_kernels import F4, FAST, I4, PAD, TILE_COLUMNS
 from .tuning import TUNING
 
+EVIDENCE = 'cost', 'misfit', 'sigma', 'apart', 'imbalance'
+APART = EVIDENCE.index('apart')
 # Constants of `tuning`, compiled into the kernels.
-CORRELATED, BENT = F4(TUNING.trust.correlated), F4(TUNING.trust.bent)
-ISLAND = F4(TUNING.trust.island_odds)
-UNKNOWN = F4(TUNING.trust.unknown_odds)
-HOPELESS = F4(TUNING.trust.hopeless_odds)
-LEAST_ODDS, MOST_ODDS = F4(TUNING.trust.odds_limits[0]), F4(TUNING.trust.odds_limits[1])
-WHOLE = TUNING.trust.bright_size
-PITCH_DARK = F4(TUNING.trust.unlit)
-MURK = F4(TUNING.trust.imbalance_offset)
-MOST_VARIANCE = F4(TUNING.trust.variance_cap)
-MOST_DISTANCE = F4(TUNING.trust.distance_cap)
-MOST_IMBALANCE = F4(TUNING.trust.imbalance_cap)
-UNMATCHED = F4(TUNING.trust.unmatched_share)
-SEPARATE_SLOPE = F4(TUNING.trust.separate_slope)
-LEAST_REACH, MOST_REACH = (F4(TUNING.trust.footprint_limits[0]),
-                           F4(TUNING.trust.footprint_limits[1]))
+MISFIT_CAP = F4(TUNING.trust.misfit_cap)
+VARIANCE_FACTOR = F4(TUNING.trust.variance_factor)
+STD_PER_DISTANCE = F4(TUNING.trust.std_per_distance)
+ISLAND_ODDS = F4(TUNING.trust.island_odds)
+UNKNOWN_ODDS = F4(TUNING.trust.unknown_odds)
+HOPELESS_ODDS = F4(TUNING.trust.hopeless_odds)
+LOWEST_ODDS, HIGHEST_ODDS = F4(TUNING.trust.odds_limits[0]), F4(TUNING.trust.odds_limits[1])
+FULL_SIZE = TUNING.trust.full_size
+UNLIT = F4(TUNING.trust.unlit)
+IMBALANCE_OFFSET = F4(TUNING.trust.imbalance_offset)
+VARIANCE_CAP = F4(TUNING.trust.variance_cap)
+DISTANCE_CAP = F4(TUNING.trust.distance_cap)
+IMBALANCE_CAP = F4(TUNING.trust.imbalance_cap)
+UNMATCHED_SHARE = F4(TUNING.trust.unmatched_share)
+HIDDEN_SLOPE = F4(TUNING.trust.hidden_slope)
+LEAST_FOOTPRINT = F4(TUNING.trust.footprint_limits[0])
+MOST_FOOTPRINT = F4(TUNING.trust.footprint_limits[1])
 
 
 @serial(fastmath=FAST)
@@ -54,21 +58,22 @@ def brightness_balance(d, misfit, left_s, right_s, step, worst, balance, weight)
 @part(fastmath=FAST)
 def imbalance(left, right):
     """Return the difference of two brightnesses (DN) over their sum, steadied near black."""
-    return (left - right) / (left + right + F4(2) * MURK)
+    return (left - right) / (left + right + F4(2) * IMBALANCE_OFFSET)
 
 
 @banded(fastmath=FAST)
-def weigh_evidence(k, d, a, b, cost, misfit, variance, left_s, right_s, balance, rows, columns,
-                   model, evidence, log_odds):
+def weigh_evidence(k, d, a, b, cost, misfit, variance, left_s, right_s, usual_balance, rows,
+                   columns, form, evidence, log_odds):
     """
     Log-odds that a node is right within 1 px, from how well its plane fits.
 
-    evidence, float32 (5, rows, columns): square roots of the cost of the best shifted window,
-    of the mean misfit of the 3 x 3 nodes, of the standard deviation (px), of the mean distance
-    of the four neighbors from the plane (px), and of how far the `imbalance` of left and right
-    brightness is from `balance`, float32 (rows, columns), that of the surroundings; roots, since
-    logarithms are not vectorized. With x = (1, evidence), log_odds = x . model x, framed; model is
-    float32 (6, 6), upper triangular. UNKNOWN where d or its variance is unknown.
+    evidence, float32 (5, rows, columns), see EVIDENCE: square roots of the cost of the best
+    shifted window, of the mean misfit of the 3 x 3 nodes, of the standard deviation (px), of the
+    mean distance of the four neighbors from the plane (px), and of how far the `imbalance` of left
+    and right brightness is from `usual_balance`, float32 (rows, columns), that of the
+    surroundings; roots, since logarithms are not vectorized. With x = (1, evidence), log_odds,
+    framed, is x . form x; form is float32 (6, 6), upper triangular. UNKNOWN_ODDS where d or its
+    variance is unknown.
 
     """
     ninth, quarter = F4(1.0 / 9.0), F4(0.25)
@@ -89,7 +94,7 @@ def weigh_evidence(k, d, a, b, cost, misfit, variance, left_s, right_s, balance,
             chi1 = misfit[y, left - 1:right + 1]
             chi2 = misfit[y + 1, left - 1:right + 1]
             fit, spread = cost[y, left:right], variance[y, left:right]
-            own_s, usual = left_s[y, left:right], balance[row, start:start + count]
+            own_s, usual = left_s[y, left:right], usual_balance[row, start:start + count]
             for x in range(count):
                 total = F4(0)
                 for i in range(3):
@@ -106,13 +111,13 @@ def weigh_evidence(k, d, a, b, cost, misfit, variance, left_s, right_s, balance,
                 other = low + (high - low) * (place - F4(at))
                 e0[x] = math.sqrt(capped(fit[x]))
                 e1[x] = math.sqrt(total * ninth)
-                e2[x] = math.sqrt(math.sqrt(min(spread[x], MOST_VARIANCE)))
+                e2[x] = math.sqrt(math.sqrt(min(spread[x], VARIANCE_CAP)))
                 e3[x] = math.sqrt(quarter * apart)
                 e4[x] = math.sqrt(min(abs(imbalance(own_s[x], other) - usual[x]),
-                                      MOST_IMBALANCE))
+                                      IMBALANCE_CAP))
                 known = (center == center) & (spread[x] < F4(np.inf))
-                odds = quadratic(model, e0[x], e1[x], e2[x], e3[x], e4[x])
-                sums[x] = odds if known else UNKNOWN
+                odds = quadratic(form, e0[x], e1[x], e2[x], e3[x], e4[x])
+                sums[x] = odds if known else UNKNOWN_ODDS
             for x in range(count):
                 evidence[0, row, start + x] = e0[x]
                 evidence[1, row, start + x] = e1[x]
@@ -135,15 +140,15 @@ def quadratic(m, a, b, c, d, e):
 
 @part(fastmath=FAST)
 def capped(misfit):
-    """Return a misfit, at most CEILING; NaN counts as that."""
-    return misfit if misfit < CEILING else CEILING
+    """Return a misfit, at most MISFIT_CAP; NaN counts as that."""
+    return misfit if misfit < MISFIT_CAP else MISFIT_CAP
 
 
 @part(fastmath=FAST)
 def apartness(difference):
-    """Return the magnitude of a difference, at most MOST_DISTANCE; NaN counts as that."""
+    """Return the magnitude of a difference, at most DISTANCE_CAP; NaN counts as that."""
     size = abs(difference)
-    return size if size < MOST_DISTANCE else MOST_DISTANCE
+    return size if size < DISTANCE_CAP else DISTANCE_CAP
 
 
 @part()
@@ -156,23 +161,23 @@ def root_of(parent, node):
 
 
 @serial()
-def remove_islands(d, a, b, log_odds, s, bright, rows, columns, step, least_size, run_of, first,
-                   parent, size):
+def distrust_islands(d, a, b, log_odds, s, full_brightness, rows, columns, joined_distance,
+                     least_size, run_of, first, parent, size):
     """
-    Distrust small segments: log_odds becomes ISLAND where fewer than least_size nodes connect.
+    Distrust small segments: log_odds becomes ISLAND_ODDS where too few nodes are joined.
 
-    Two neighbors hang together if both have positive log_odds and one lies within `step` px of the
-    plane of the other. A node whose brightness s is below `bright` (DN) counts less in
-    proportion: dark nodes match by chance, so more of them must agree. Segments are found by
-    runs: nodes of one row that hang together. run_of, first, parent and size are int32 scratch
-    (rows * columns).
+    Fewer than least_size are too few. Two neighbors are joined if both have positive log_odds and
+    one lies within joined_distance (px) of the plane of the other. A node whose brightness s is
+    below full_brightness (DN) counts less in proportion: dark nodes match by chance, so more of
+    them must agree. Segments are found by runs: joined nodes of one row. run_of, first, parent
+    and size are int32 scratch (rows * columns).
 
     """
     ends = np.empty(BANDS, I4)
-    join_nodes(d, a, b, log_odds, s, bright, rows, columns, step, run_of, first, parent, size,
-               ends)
+    join_nodes(d, a, b, log_odds, s, full_brightness, rows, columns, joined_distance, run_of,
+               first, parent, size, ends)
     for k in range(1, BANDS):
-        join_bands(d, b, log_odds, band(k, rows)[0], columns, step, run_of, parent)
+        join_bands(d, b, log_odds, band(k, rows)[0], columns, joined_distance, run_of, parent)
     for k in range(BANDS):
         for run in range(band(k, rows)[0] * columns, ends[k]):
             root = root_of(parent, run)
@@ -180,29 +185,29 @@ def remove_islands(d, a, b, log_odds, s, bright, rows, columns, step, least_size
                 size[root] += size[run]
     for k in range(BANDS):
         for run in range(band(k, rows)[0] * columns, ends[k]):
-            if size[root_of(parent, run)] < WHOLE * least_size:
+            if size[root_of(parent, run)] < FULL_SIZE * least_size:
                 node = first[run]
                 while node < rows * columns and run_of[node] == run:
-                    log_odds[node // columns + PAD, node % columns + PAD] = ISLAND
+                    log_odds[node // columns + PAD, node % columns + PAD] = ISLAND_ODDS
                     node += 1
 
 
 @banded(fastmath=FAST)
-def join_nodes(k, d, a, b, log_odds, s, bright, rows, columns, step, run_of, first, parent, size,
-               ends):
+def join_nodes(k, d, a, b, log_odds, s, full_brightness, rows, columns, joined_distance, run_of,
+               first, parent, size, ends):
     """
-    Join the nodes of each band to runs and the runs to segments; see `remove_islands`.
+    Join the nodes of each band to runs and the runs to segments; see `distrust_islands`.
 
     The runs of a band are counted from its first node on, ends is where that ends. size is in
-    parts of a bright node, WHOLE of which make one.
+    parts of a bright node, FULL_SIZE of which make one.
 
     """
     first_row, last_row = band(k, rows)
     runs = first_row * columns
-    # 1 trusted, + 2 hangs together with the left, + 4 with the upper node, + 8 times the size
+    # 1 trusted, + 2 joined to the left, + 4 to the upper node, + 8 times the size
     links = stack_row()
-    whole, one = F4(WHOLE), F4(1)
-    parts = whole / bright
+    full, one = F4(FULL_SIZE), F4(1)
+    parts = full / full_brightness
     for row in range(first_row, last_row):
         y = row + PAD
         last_run, last_above = -1, -1
@@ -218,10 +223,12 @@ def join_nodes(k, d, a, b, log_odds, s, bright, rows, columns, step, run_of, fir
                 trusted = own[x] > 0
                 step_x, step_y = here[x] - before[x], here[x] - above[x]
                 with_left = trusted & (odds_before[x] > 0) & (
-                    (abs(step_x - lean_before[x]) < step) | (abs(step_x - lean[x]) < step))
+                    (abs(step_x - lean_before[x]) < joined_distance)
+                    | (abs(step_x - lean[x]) < joined_distance))
                 with_upper = trusted & (odds_above[x] > 0) & (
-                    (abs(step_y - fall_above[x]) < step) | (abs(step_y - fall[x]) < step))
-                weight = F4(I4(max(min(parts * light[x], whole), one)))
+                    (abs(step_y - fall_above[x]) < joined_distance)
+                    | (abs(step_y - fall[x]) < joined_distance))
+                weight = F4(I4(max(min(parts * light[x], full), one)))
                 links[x] = ((F4(1) + F4(8) * weight if trusted else F4(0))
                             + (F4(2) if with_left else F4(0)) + (F4(4) if with_upper else F4(0)))
             for x in range(count):
@@ -249,7 +256,7 @@ def join_nodes(k, d, a, b, log_odds, s, bright, rows, columns, step, run_of, fir
 
 
 @part()
-def join_bands(d, b, log_odds, row, columns, step, run_of, parent):
+def join_bands(d, b, log_odds, row, columns, joined_distance, run_of, parent):
     """Join the runs of a row to those of the row above, which belongs to another band."""
     y = row + PAD
     if row == 0 or row * columns >= run_of.size:
@@ -258,7 +265,8 @@ def join_bands(d, b, log_odds, row, columns, step, run_of, parent):
         here, above = x + PAD, row * columns + x - columns
         change = d[y, here] - d[y - 1, here]
         if log_odds[y, here] > 0 and log_odds[y - 1, here] > 0 and (
-                abs(change - b[y - 1, here]) < step or abs(change - b[y, here]) < step):
+                abs(change - b[y - 1, here]) < joined_distance
+                or abs(change - b[y, here]) < joined_distance):
             parent[root_of(parent, run_of[above + columns])] = root_of(parent, run_of[above])
 
 
@@ -270,7 +278,8 @@ def whole_below(value):
 
 
 @banded()
-def find_hidden(k, d, a, log_odds, rows, columns, width, tolerance, hidden, owners, odds_row):
+def find_hidden(k, d, a, log_odds, rows, columns, width, hidden_distance, hidden, owners,
+                odds_row):
     """
     Mark nodes whose place in the right image belongs to a more trusted surface.
 
@@ -288,18 +297,18 @@ def find_hidden(k, d, a, log_odds, rows, columns, width, tolerance, hidden, owne
         own = log_odds[y, PAD:PAD + columns]
         marks = hidden[y, PAD:PAD + columns]
         owner[:] = -1
-        most[:] = ISLAND
+        most[:] = ISLAND_ODDS
         for start in range(0, columns, LENGTH):
             count = min(LENGTH, columns - start)
             places, leans = dd[start:start + count], aa[start:start + count]
             for i in range(count):
                 center = F4(2 * (start + i)) - (places[i] if places[i] == places[i] else F4(0))
-                reach = min(max(LEAST_REACH, F4(1) - F4(0.5) * leans[i]), MOST_REACH)
+                reach = min(max(LEAST_FOOTPRINT, F4(1) - F4(0.5) * leans[i]), MOST_FOOTPRINT)
                 lows[i] = -whole_below(reach - center)
                 highs[i] = whole_below(center + reach)
             for i in range(count):
                 x = start + i
-                if own[x] > ISLAND:
+                if own[x] > ISLAND_ODDS:
                     low = max(np.int32(lows[i]), np.int32(0))
                     high = min(np.int32(highs[i]), np.int32(width - 1))
                     for at in range(low, high + 1):
@@ -310,7 +319,7 @@ def find_hidden(k, d, a, log_odds, rows, columns, width, tolerance, hidden, owne
             count = min(TILE_COLUMNS, columns - start)
             for i in range(count):
                 x = start + i
-                known = own[x] > ISLAND
+                known = own[x] > ISLAND_ODDS
                 place = whole_below(F4(2 * x) + F4(0.5) - (dd[x] if known else F4(0)))
                 known = known & (place >= 0) & (place < width)
                 rival = owner[np.uint32(place if known else 0)]
@@ -319,25 +328,26 @@ def find_hidden(k, d, a, log_odds, rows, columns, width, tolerance, hidden, owne
                 away = F4(x) - F4(rival)
                 apart = abs(dd[at] + aa[at] * away - dd[x])
                 flags[i] = F4(1) if known & (
-                    apart > tolerance + SEPARATE_SLOPE * abs(away)) else F4(0)
+                    apart > hidden_distance + HIDDEN_SLOPE * abs(away)) else F4(0)
             for i in range(count):
                 marks[start + i] = flags[i] > F4(0)
 
 
 @banded(fastmath=FAST)
 def settle(k, d, variance, evidence, cost, log_odds, hidden, peak, s, rows, columns, limits,
-           saturation, dark, hidden_odds, vague, std, odds, reason):
+           saturation, min_signal, hidden_odds, vague_std, std, odds, reason):
     """
     Turn evidence into log-odds, standard deviation and the reason why there may be no range.
 
-    limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes. vague
-    (px): above this standard deviation of a plane, the colors around a node are too uniform. The
+    limits (px): of the disparity. hidden_odds is added to the log-odds of hidden nodes. min_signal
+    (DN): below this sum of the channels the reason is DARK. vague_std (px): above this standard
+    deviation of a plane, the colors around a node are too uniform. The
     standard deviation grows with the distance of the neighbors from the plane: there the surface
-    is no plane. odds is HOPELESS where no range is possible at any min_confidence; its frame
+    is no plane. odds is HOPELESS_ODDS where no range is possible at any min_confidence; its frame
     repeats the nearest nodes left and right. reason takes the codes of `Status`.
 
     """
-    too_vague = vague * vague
+    too_vague = vague_std * vague_std
     lowest, highest = limits[0], limits[1]
     first, last = band(k, rows)
     spreads, sums, codes = stack_row(), stack_row(), stack_row()
@@ -349,29 +359,29 @@ def settle(k, d, variance, evidence, cost, log_odds, hidden, peak, s, rows, colu
             dd, noise, fit = d[y, left:right], variance[y, left:right], cost[y, left:right]
             odds_row, behind = log_odds[y, left:right], hidden[y, left:right]
             peaks, light = peak[y, left:right], s[y, left:right]
-            aparts = evidence[3, row, start:start + count]
+            aparts = evidence[APART, row, start:start + count]
             for x in range(count):
                 is_hidden = behind[x] != 0
-                apart = BENT * aparts[x] * aparts[x]
-                spread = math.sqrt(CORRELATED * noise[x] + apart * apart)
+                apart = STD_PER_DISTANCE * aparts[x] * aparts[x]
+                spread = math.sqrt(VARIANCE_FACTOR * noise[x] + apart * apart)
                 vaguer = noise[x] > too_vague
                 bright = peaks[x] >= saturation
                 outside = peaks[x] < F4(0)
                 inside_limits = (dd[x] >= lowest) & (dd[x] <= highest)  # not if NaN
                 # the first reason of the list wins, so it is assigned last
-                code = NO_MATCH if fit[x] > UNMATCHED * CEILING else IMPLAUSIBLE
-                code = AMBIGUOUS if spread > vague else code
+                code = NO_MATCH if fit[x] > UNMATCHED_SHARE * MISFIT_CAP else IMPLAUSIBLE
+                code = AMBIGUOUS if spread > vague_std else code
                 code = INCONSISTENT if is_hidden else code
                 code = code if inside_limits else OUT_OF_RANGE
                 code = AMBIGUOUS if vaguer else code
                 code = code if dd[x] == dd[x] else NO_MATCH
-                code = DARK if (light[x] < dark) & (not bright) else code
+                code = DARK if (light[x] < min_signal) & (not bright) else code
                 code = SATURATED if bright else code
                 code = OUTSIDE_IMAGE if outside else code
-                hopeless = (outside | vaguer | (not inside_limits) | (odds_row[x] < -MOST_ODDS)
-                            | ((light[x] < PITCH_DARK) & (not bright)))
+                hopeless = (outside | vaguer | (not inside_limits) | (odds_row[x] < -HIGHEST_ODDS)
+                            | ((light[x] < UNLIT) & (not bright)))
                 spreads[x] = spread
-                sums[x] = HOPELESS if hopeless else (
+                sums[x] = HOPELESS_ODDS if hopeless else (
                     odds_row[x] + (hidden_odds if is_hidden else F4(0)))
                 codes[x] = F4(code)
             for x in range(count):

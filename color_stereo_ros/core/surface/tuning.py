@@ -14,12 +14,10 @@ of two chromaticities over its variance. A revision such as 53fe5ba is one of th
 from dataclasses import dataclass
 import math
 
-from ..constants import Change, changed, chosen, constant, Constants, derived, fitted
+from ..constants import Change, changed, chosen, constant, Constants, derived, unexplained
 from .fitted import load_model
 
-FITS = 'python -m color_stereo_ros.evaluation.fits'
-FIRST = 'The value of the first version (3f22c9b). How it was found is not recorded.'
-OPEN = 'How it was found is not recorded.'
+FIRST = 'The value of the first version (3f22c9b).'
 TRUST = load_model('trust')
 SLOW = load_model('slow')
 SPREAD = load_model('spread')
@@ -30,8 +28,8 @@ PERIOD = load_model('period')
 class GridTuning(Constants):
     """The half grid and its tiles."""
 
-    frame: int = constant(
-        8, 'nodes', 'Unknown nodes around the half grid: no kernel asks where the image ends.',
+    pad: int = constant(
+        8, 'nodes', 'Unknown nodes around the half grid: kernels may read beyond the image.',
         derived('The margin of a wide window, 7 nodes and 1 more; and a step of 4 nodes plus the '
                 'margin of a cost patch, 4 nodes.'), compiled=True)
     tile_rows: int = constant(
@@ -41,29 +39,16 @@ class GridTuning(Constants):
     tile_columns: int = constant(
         32, 'nodes', 'Columns of a tile.',
         chosen('A whole number of SIMD vectors of 8 or 16 float32 values.'), compiled=True)
-    uninformative_variance: float = constant(
-        4.0, '1', 'Variance of a chromaticity that carries no information.',
-        chosen('Was 1. Polished brass: density .73 -> .83; scenes with dark metal .870 -> .891 at '
-               'the same share of wrong ranges (94460d8).'), compiled=True)
-    phase_variance: float = constant(
-        0.04, 'px^2', 'Variance of the place of a color: demosaicing and blur move it.',
-        chosen(FIRST + ' .02: boards 3 % better or worse, held-out scenes on a worse curve.'),
-        compiled=True)
-    largest_blur_gain: float = constant(
-        1 / 3, '1', 'Largest gain of second differences that blur the left view of a plane.',
-        derived('This gain makes three nodes their mean.'), compiled=True)
-    least_foreshortening: float = constant(
-        0.25, 'px per px', 'Smallest width in the right image of 1 px of the left image.',
-        chosen('A steeper face is a depth edge. No other value was tried (64053c6).'),
-        compiled=True)
-    misfit_cap: float = constant(
-        30.0, '1', 'Largest misfit that counts as evidence.', chosen(FIRST), compiled=True)
 
 
 @dataclass(frozen=True)
 class ViewTuning(Constants):
     """From images to chromaticities and their variance."""
 
+    silent_variance: float = constant(
+        4.0, '1', 'Variance of a chromaticity without information: black, overexposed or outside.',
+        chosen('Was 1. Polished brass: density .73 -> .83; scenes with dark metal .870 -> .891 at '
+               'the same share of wrong ranges (94460d8).'), compiled=True)
     softening: float = constant(
         0.5, 'DN', 'Added to the brightness before division: keeps the chromaticity of black '
         'finite.', chosen('Was 3, which took half of the color of dark metal and none of its '
@@ -71,7 +56,7 @@ class ViewTuning(Constants):
     noise: tuple = constant(
         (6.0, 0.25, 0.0006), 'DN^2, DN, 1', 'Camera noise: variance of the sum of the channels = '
         'floor + shot s + relative s^2.',
-        chosen('A plausible camera; the scale is measured in each pair. ' + FIRST))
+        unexplained('A plausible camera; the scale is measured in each pair. ' + FIRST))
     pixel_variance: float = constant(
         0.75, 'px^2', 'Variance of the point spread of a sum of two pixels behind a mosaic.',
         derived('Linear demosaicing, (1 2 1) / 4, adds 1/2 px^2, a sum of two pixels 1/4 px^2.'))
@@ -83,23 +68,23 @@ class ViewTuning(Constants):
         chosen('Below it, unequal blur is left as it is (66e73be).'))
     largest_gain: float = constant(
         0.25, '1', 'Largest gain of second differences that evens out blur.',
-        chosen('Still tame: larger gains amplify noise (66e73be). ' + OPEN))
+        unexplained('Still tame: larger gains amplify noise (66e73be).'))
     folded_area: float = constant(
         0.1, '1', 'Area ratio below which the distortion model has folded.',
         chosen('Where a lens polynomial turns back, the area of a node falls to 0 (7c1c921).'))
     largest_dark_level: int = constant(
         24, 'DN', 'Largest estimate of the dark level: what is above it is light.',
-        chosen(FIRST))
+        unexplained(FIRST))
     dark_level_rank: int = constant(
         200, 'pixels', 'One of so many pixels may be darker than the estimated dark level.',
-        chosen('Half a percent, so that no single pixel decides (df75737). ' + OPEN),
+        unexplained('Half a percent, so that no single pixel decides (df75737).'),
         compiled=True)
     sample_step: int = constant(
         16, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
-        chosen('1200 pixels are left at 640 x 480 (9662ae5). ' + OPEN))
+        unexplained('1200 pixels are left at 640 x 480 (9662ae5).'))
     sample_rows: int = constant(
         32, '1', 'Rows and columns that the samples have at least in small images.',
-        chosen('Images below 512 px are sampled more densely (9662ae5). ' + OPEN))
+        unexplained('Images below 512 px are sampled more densely (9662ae5).'))
     least_brightness: float = constant(
         1e-3, 'DN', 'Smallest brightness that a variance is divided by.',
         derived('Far below one step of the camera; prevents division by 0.'), compiled=True)
@@ -108,17 +93,17 @@ class ViewTuning(Constants):
         derived('Half a step of the camera; keeps the ratio of black images finite.'))
     channel_gain_limits: tuple = constant(
         (0.25, 4.0), '1', 'Smallest and largest gain of a channel.',
-        chosen('Bounds how much the noise of a weak channel is amplified. ' + FIRST))
+        unexplained('Bounds how much the noise of a weak channel is amplified. ' + FIRST))
     same_camera_balance: float = constant(
         0.12, '1', 'Difference of the log channel balance of two cameras that share their gains.',
-        chosen('Cameras of one type stay below it under an aperiodic pattern (61b5d22). ' + OPEN))
+        unexplained('Cameras of one type stay below it under an aperiodic pattern (61b5d22).'))
     averaging_radius: int = constant(
         0, 'nodes', 'Radius over which colors are averaged; 0: they are not.',
         derived('Steep colors need no average.'))
     averaging_period: int = constant(
         160, 'px', 'Length of a color cycle per node of averaging radius.',
-        chosen('A color that changes slowly shows its slope only over many pixels (e4ddeb0). ' +
-               OPEN))
+        unexplained('A color that changes slowly shows its slope only over many pixels '
+                    '(e4ddeb0).'))
     largest_averaging_radius: int = constant(
         4, 'nodes', 'Largest radius over which slow colors are averaged.',
         chosen('18 px. The value of the first version for slow patterns (e4ddeb0).'))
@@ -131,10 +116,10 @@ class ViewTuning(Constants):
         derived('Steep colors need no help of print.'))
     print_offset: float = constant(
         24.0, 'DN', 'Added to the brightness before the logarithm that shows print.',
-        chosen('Noise of dark places is no print (97656ea). ' + OPEN))
+        unexplained('Noise of dark places is no print (97656ea).'))
     print_radius: int = constant(
         4, 'nodes', 'Radius of the surroundings that print is compared with.',
-        chosen('Edges of print are steep, shading is not (97656ea). ' + OPEN))
+        unexplained('Edges of print are steep, shading is not (97656ea).'))
     least_print: float = constant(
         0.2, '1', 'Contrast (log brightness) below which nothing counts as print.',
         chosen('Noise does not exceed it where there is light; bare surfaces stay within .01 '
@@ -144,8 +129,8 @@ class ViewTuning(Constants):
         derived('Less than one node of the surroundings; prevents division by 0.'))
     noise_weights: tuple = constant(
         (0.15, 1.0), '1', 'Weight of a node that shows only noise: demosaiced, independent.',
-        chosen('What camera noise adds to squared gradients under both kinds of cameras '
-               '(61b5d22). The measurement is not recorded.'))
+        unexplained('What camera noise adds to squared gradients under both kinds of cameras '
+                    '(61b5d22).'))
     noise_steps: tuple = constant(
         (0.85, 0.95), '1', 'Change to the next pixel over change to the next but one: demosaiced '
         'noise below the first, independent noise above the second.',
@@ -155,7 +140,7 @@ class ViewTuning(Constants):
         derived('Far below one step of the camera; prevents division by 0.'))
     noise_rows: tuple = constant(
         (8, 32), 'px', 'First row and distance of the rows that this ratio is read from.',
-        chosen('15 rows of an image of 480 (61b5d22). ' + OPEN))
+        unexplained('15 rows of an image of 480 (61b5d22).'))
 
 
 @dataclass(frozen=True)
@@ -167,22 +152,23 @@ class CoarseTuning(Constants):
         chosen('4 px per node at 640 columns, 8 px from 1280 columns on (3f22c9b).'))
     color_scale: float = constant(
         64.0, '1', 'Steps of int16 per unit of chromaticity.',
-        chosen('Four path costs of eight capped costs and a penalty fit into int16. ' + FIRST))
+        unexplained('Four path costs of eight capped costs and a penalty fit into int16. '
+                    + FIRST))
     full_trust: float = constant(
         12.0, 'DN', 'Sum of the channels from which a color is fully trusted.',
-        chosen(FIRST + ' 6 or 3: brass .005 and .013 less dense.'))
+        unexplained(FIRST + ' 6 or 3: brass .005 and .013 less dense.'))
     cost_cap: int = constant(
-        160, '1 / color_scale', 'Largest cost of one pair of nodes.', chosen(FIRST))
+        160, '1 / color_scale', 'Largest cost of one pair of nodes.', unexplained(FIRST))
     neutral_cost: int = constant(
-        70, '1 / color_scale', 'Cost of a dark node: neither for nor against a match.',
+        70, '1 / color_scale', 'Cost of a dark node, the same at every disparity.',
         chosen('Was 80. Dark nodes cost a little less than chance, so that very dark metal '
                'follows its surroundings (3c5ad7c).'))
     small_step: int = constant(
         60, 'cost of 8 nodes', 'Penalty of a step of one node between neighbors (P1 of '
-        'Hirschmueller 2008).', chosen(FIRST))
+        'Hirschmueller 2008).', unexplained(FIRST))
     large_step: int = constant(
         600, 'cost of 8 nodes', 'Penalty of a larger step (P2 of Hirschmueller 2008).',
-        chosen(FIRST))
+        unexplained(FIRST))
     largest_smoothness: float = constant(
         10.0, '1', 'Largest factor of the penalties.',
         derived('Four path costs of eight capped nodes and one penalty fit into int16 (e6ba5e0).'))
@@ -192,16 +178,16 @@ class CoarseTuning(Constants):
     texture: float = constant(
         0.35, '1', 'Weight of the brightness of the surface beside color.',
         chosen('Colors tell nearly all under an aperiodic pattern: 0 gives the same density, '
-               '.01 % more wrong ranges (docs/surface_method.md).'))
+               '.01 % more wrong ranges (docs/evaluation.md).'))
     texture_surroundings: int = constant(
         9, 'coarse nodes', 'Width of the surroundings that brightness is compared with.',
-        chosen('Wider than print, narrower than shading (e4ddeb0). ' + OPEN))
+        unexplained('Wider than print, narrower than shading (e4ddeb0).'))
     texture_offset: float = constant(
         12.0, 'DN', 'Added to the brightness before its logarithm: noise of dark places is no '
-        'texture.', chosen('As `full_trust` (e4ddeb0). ' + OPEN))
+        'texture.', unexplained('As `full_trust` (e4ddeb0).'))
     largest_texture: float = constant(
         1.0, '1', 'Largest log contrast of texture.',
-        chosen('Bounds what a highlight counts (e4ddeb0). ' + OPEN))
+        unexplained('Bounds what a highlight counts (e4ddeb0).'))
     agreement: int = constant(
         2, 'coarse nodes', 'Largest difference between the matches left to right and right to '
         'left.', chosen('Was 1. On walls at grazing angles several left nodes meet one right node '
@@ -213,7 +199,43 @@ class CoarseTuning(Constants):
     seed_variance: float = constant(
         0.09, 'px^2', 'Variance of a seed that no round has refined.',
         chosen('A standard deviation of .3 px (61b5d22); without rounds the median error is .35 '
-               'px (docs/surface_method.md).'))
+               'px (docs/evaluation.md).'))
+
+
+@dataclass(frozen=True)
+class PairTuning(Constants):
+    """How the colors of both cameras are compared, and what is measured of a pair for that."""
+
+    phase_variance: float = constant(
+        0.04, 'px^2', 'Variance of the place of a color: demosaicing and blur move it.',
+        unexplained(FIRST + ' .02: boards 3 % better or worse, held-out scenes on a worse curve.'),
+        compiled=True)
+    largest_blur_gain: float = constant(
+        1 / 3, '1', 'Largest gain of second differences that blur the left view of a plane.',
+        derived('This gain makes three nodes their mean.'), compiled=True)
+    least_foreshortening: float = constant(
+        0.25, 'px per px', 'Smallest width in the right image of 1 px of the left image.',
+        chosen('A steeper face is a depth edge. No other value was tried (64053c6).'),
+        compiled=True)
+    quartile: float = constant(
+        0.5754, '1', 'First quartile of the misfit where planes are right.',
+        derived('First quartile of chi-square with two degrees of freedom: -2 ln(3/4).'))
+    adapt_steps: tuple = constant(
+        (8, 4), 'nodes', 'Rows and columns between the nodes that noise and colors are measured '
+        'from.', chosen('2400 nodes are left at 640 x 480 (0fbf028).'))
+    least_samples: int = constant(
+        100, 'nodes', 'Compared nodes below which noise and colors are not measured.',
+        unexplained('A quartile of fewer nodes is too uncertain.'))
+    scale_limits: tuple = constant(
+        (0.1, 100.0), '1', 'Smallest and largest factor of the assumed noise.',
+        unexplained('Wide limits, against images without any right plane.'))
+    color_prior: float = constant(
+        50.0, 'nodes', 'Weight of the prior that both cameras see equal colors: added to the '
+        'diagonal of the normal equations.',
+        unexplained('Steadies images with little color.'))
+    color_matching: bool = constant(
+        True, '1', 'Measure the color difference of the cameras from each pair '
+        '(`matching.color_matching`).', derived('Steep colors tell color and place apart.'))
 
 
 @dataclass(frozen=True)
@@ -239,11 +261,11 @@ class PlaneTuning(Constants):
         compiled=True)
     least_signal_share: float = constant(
         0.02, '1', 'Share of the weight that is no noise below which a plane has no variance.',
-        chosen('Prevents division by a difference of nearly equal numbers. ' + OPEN),
+        unexplained('Prevents division by a difference of nearly equal numbers.'),
         compiled=True)
     robust_misfit: float = constant(
         9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',
-        chosen(FIRST + ' Half of it and 1.5 times as much: other points on the same curve.'))
+        unexplained(FIRST + ' Half of it and 1.5 times as much: other points on the same curve.'))
     ridge: float = constant(
         0.1, 'nodes^2', 'How firmly a slope keeps its last value.',
         chosen('Was .5, which pulled steep walls back to the slopes of their rough seeds '
@@ -252,13 +274,13 @@ class PlaneTuning(Constants):
         1e6, 'nodes^2', 'The same where slopes are switched off (`matching.slanted`).',
         derived('Far more than the 24 nodes^2 that a wide window has.'))
     steepest: float = constant(
-        6.0, 'px per node', 'Largest slope of a plane.', chosen(FIRST))
+        6.0, 'px per node', 'Largest slope of a plane.', unexplained(FIRST))
     gates: tuple = constant(
         (1.5, 1.5, 0.75), 'px', 'Distance from the plane of the center up to which a node counts, '
         'per round.',
         chosen('First was 3: wrong 1.20 -> .97 % in ten scenes (cd1891c). 2: within .001; 1 in '
                'the second round: .002 to .003 less dense.'))
-    steadiness: tuple = constant(
+    smooth_steps: tuple = constant(
         (3.0, 2.5, 1.25), 'px', 'Distance from the plane of a node `span` away up to which a tile '
         'is smooth, per round; the last also holds in the end.',
         chosen('Found with `span` (a95bad4). Larger steps: more wrong for little gain on slopes.'))
@@ -268,24 +290,6 @@ class PlaneTuning(Constants):
     full_rounds: int = constant(
         2, 'rounds', 'Rounds that fit all tiles; later ones fit rough tiles only.',
         derived('Colors and noise are known better after the first round.'))
-    quartile: float = constant(
-        0.5754, '1', 'First quartile of the misfit where planes are right.',
-        derived('First quartile of chi-square with two degrees of freedom: -2 ln(3/4).'))
-    adapt_steps: tuple = constant(
-        (8, 4), 'nodes', 'Rows and columns between the nodes that noise and colors are measured '
-        'from.', chosen('2400 nodes are left at 640 x 480 (0fbf028).'))
-    least_samples: int = constant(
-        100, 'nodes', 'Compared nodes below which noise and colors are not measured.',
-        chosen('A quartile of fewer nodes is too uncertain. ' + OPEN))
-    scale_limits: tuple = constant(
-        (0.1, 100.0), '1', 'Smallest and largest factor of the assumed noise.',
-        chosen('Wide limits, against images without any right plane. ' + OPEN))
-    color_prior: float = constant(
-        50.0, 'nodes', 'Weight of the prior that both cameras see equal colors.',
-        chosen('Steadies images with little color. ' + OPEN))
-    color_matching: bool = constant(
-        True, '1', 'Measure the color difference of the cameras from each pair '
-        '(`matching.color_matching`).', derived('Steep colors tell color and place apart.'))
     noise_correlation: float = constant(
         1.0, '1', 'Factor of the variance of planes for noise that averaged colors share.',
         derived('Colors that are not averaged share no noise.'))
@@ -305,11 +309,12 @@ class NeighborTuning(Constants):
         ((4, 1), (1,)), 'nodes', 'Distances of the neighbors that are tried, between the rounds.',
         chosen('4, 2 and 1: density +.001 for half of the time of this step again (e6ba5e0).'))
     misfit_cap: float = constant(
-        60.0, '1', 'Misfit beyond which a node says no more than that it does not fit.',
-        chosen('Was 30; changed with the ridge (53fe5ba). ' + OPEN))
+        60.0, '1', 'Largest misfit of a node in the cost of a plane: bounds what an outlier '
+        'counts.',
+        unexplained('Was 30; changed with the ridge (53fe5ba).'))
     neutral_share: float = constant(
         0.5, '1', 'Share of the cap that a node costs where the right image is dark.',
-        chosen(FIRST), compiled=True)
+        unexplained(FIRST), compiled=True)
     inertia: float = constant(
         0.0, '1', 'By how much the plane of a neighbor must fit better than the own plane.',
         chosen('Without favor: wrong 1.20 -> .97 % in ten scenes (cd1891c).'))
@@ -321,25 +326,27 @@ class TrustTuning(Constants):
 
     form: tuple = constant(
         TRUST['form'], '1', 'Quadratic form of one and the evidence, upper triangular.',
-        fitted(f'{FITS} trust', TRUST.explained('form')))
+        TRUST.provenance('form'))
     hidden_odds: float = constant(
         TRUST['hidden_odds'], '1', 'Added to the log-odds of nodes that the right camera does not '
-        'see.', fitted(f'{FITS} trust', TRUST.explained('hidden_odds')))
+        'see.', TRUST.provenance('hidden_odds'))
     odds_offset: float = constant(
         0.0, '1', 'Added to the log-odds of all nodes.',
         derived('The form is fitted under an aperiodic pattern.'))
+    misfit_cap: float = constant(
+        30.0, '1', 'Largest misfit that counts as evidence.', unexplained(FIRST), compiled=True)
     variance_cap: float = constant(
         1.0, 'px^2', 'Largest variance of a plane that counts as evidence.',
         chosen('Planes above `vague_std` get no range anyway.'), compiled=True)
     distance_cap: float = constant(
         2.0, 'px', 'Largest distance of a neighbor from the plane that counts as evidence.',
-        chosen('A depth edge of any height is one edge. ' + OPEN), compiled=True)
+        unexplained('A depth edge of any height is one edge.'), compiled=True)
     imbalance_cap: float = constant(
         1.0, '1', 'Largest deviation from the usual brightness ratio that counts as evidence.',
         derived('A ratio (l - r) / (l + r) lies within 1.'), compiled=True)
     imbalance_offset: float = constant(
         3.0, 'DN', 'Brightness below which most is noise and scattered light.',
-        chosen('Came with this evidence (a04dcb5). ' + OPEN), compiled=True)
+        unexplained('Came with this evidence (a04dcb5).'), compiled=True)
     balance_step: int = constant(
         4, 'nodes', 'Distance of the samples of the usual brightness ratio.',
         chosen('One node in 16 (a04dcb5).'))
@@ -349,12 +356,14 @@ class TrustTuning(Constants):
     least_balance_weight: float = constant(
         1e-3, '1', 'Smallest share of samples that a ratio is divided by.',
         derived('Less than one sample; prevents division by 0.'))
-    correlated: float = constant(
-        SPREAD['correlated'], '1', 'Factor of the variance of a plane: neighbors share noise.',
-        fitted(f'{FITS} spread', SPREAD.explained('correlated')), compiled=True)
-    bent: float = constant(
-        SPREAD['bent'], 'px per px', 'Standard deviation per distance of the neighbors from the '
-        'plane.', fitted(f'{FITS} spread', SPREAD.explained('bent')), compiled=True)
+    variance_factor: float = constant(
+        SPREAD['variance_factor'], '1', 'Factor of the variance of a plane: neighbors share '
+        'noise.',
+        SPREAD.provenance('variance_factor'), compiled=True)
+    std_per_distance: float = constant(
+        SPREAD['std_per_distance'], 'px per px', 'Standard deviation per distance of the '
+        'neighbors from the plane: there the surface is no plane.',
+        SPREAD.provenance('std_per_distance'), compiled=True)
     vague_std: float = constant(
         0.7, 'px', 'Standard deviation from which a plane is too uncertain to publish.',
         chosen('Was .35. Brass target: density .633 -> .691; ten scenes: .9525 -> .9531 '
@@ -366,13 +375,14 @@ class TrustTuning(Constants):
     unlit: float = constant(
         1.0, 'DN', 'Sum of the channels below which a node gets no range.',
         derived('Less than one step of the camera is no light.'), compiled=True)
-    continuous: float = constant(
-        1.0, 'px', 'Distance from the plane of a neighbor up to which two nodes hang together.',
-        chosen(FIRST))
-    bright: float = constant(
+    joined_distance: float = constant(
+        1.0, 'px', 'Distance from the plane of a neighbor up to which two nodes are joined to one '
+        'segment.',
+        unexplained(FIRST))
+    full_brightness: float = constant(
         48.0, 'DN', 'Sum of the channels from which a node counts fully in a segment.',
-        chosen('What is dark matches by chance in patches (1f97cbd). ' + OPEN))
-    bright_size: int = constant(
+        unexplained('What is dark matches by chance in patches (1f97cbd).'))
+    full_size: int = constant(
         16, '1', 'What a bright node counts in a segment; a black one counts 1.',
         chosen('Whole numbers leave the sums exact (1f97cbd).'), compiled=True)
     island_odds: float = constant(
@@ -388,21 +398,21 @@ class TrustTuning(Constants):
         (-6.0, 14.0), '1', 'Log-odds of a node where they are interpolated.',
         chosen('14: a probability of 1 - 1e-6. A neighbor lowers the odds by 6 at most '
                '(912678e).'), compiled=True)
-    separate: float = constant(
-        1.0, 'px', 'Distance of two surfaces that claim one place of the right image.',
-        chosen(FIRST))
-    separate_slope: float = constant(
+    hidden_distance: float = constant(
+        1.0, 'px', 'Distance of two surfaces from which one hides the other in the right image.',
+        unexplained(FIRST))
+    hidden_slope: float = constant(
         0.25, 'px per node', 'By how much this distance grows with that of the two nodes.',
-        chosen(FIRST), compiled=True)
+        unexplained(FIRST), compiled=True)
     footprint_limits: tuple = constant(
         (0.5, 4.0), 'px', 'Smallest and largest reach of a node in the right image.',
-        chosen(FIRST), compiled=True)
+        unexplained(FIRST), compiled=True)
     discord_distance: float = constant(
         0.3, 'px^0.5', 'Root of the distance of the neighbors above which a node contradicts '
-        'them.', chosen('.09 px: most planes of real surfaces agree better (9662ae5). ' + OPEN))
+        'them.', unexplained('.09 px: most planes of real surfaces agree better (9662ae5).'))
     discord_variance: float = constant(
         0.25, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
-        chosen('.5 px: a vaguer plane contradicts by its noise. ' + OPEN))
+        unexplained('.5 px: a vaguer plane contradicts by its noise.'))
     discord_share: float = constant(
         0.65, '1', 'Share of contradicting nodes above which matches are chance.',
         chosen('Some planes of real surfaces contradict their neighbors, too. Density of noise '
@@ -415,7 +425,7 @@ class TrustTuning(Constants):
         chosen('A share needs no more (51e9ae3). 4: as a min_confidence .03 higher.'))
     discord_surroundings: int = constant(
         15, 'samples', 'Width of the surroundings in which they are counted.',
-        chosen('Some 30 x 30 nodes (9662ae5). ' + OPEN))
+        unexplained('Some 30 x 30 nodes (9662ae5).'))
 
 
 @dataclass(frozen=True)
@@ -423,22 +433,22 @@ class RepetitionTuning(Constants):
     """Doubt about the period of a pattern that repeats."""
 
     least_gap: float = constant(
-        0.0, 'large steps', 'By how much a repetition must cost more than a match to be out of '
-        'the question; 0: the same colors do not come again.',
+        0.0, 'large steps', 'By how much more than the best match a repetition must cost to '
+        'be ruled out; 0: the pattern has no repetitions.',
         derived('Aperiodic patterns have no repetitions.'))
     rival_distance: int = constant(
         2, 'coarse nodes', 'Distance up to which a disparity is the same match as the best one.',
-        chosen('What is nearer is the same minimum (2905f1a). ' + OPEN), compiled=True)
+        unexplained('What is nearer is the same minimum (2905f1a).'), compiled=True)
     surroundings: int = constant(
         41, 'coarse nodes', 'Width of the surroundings in which clear nodes are counted.',
         chosen('Repetitions are a matter of whole surfaces: textured scenes lose nothing '
                '(ef15cbb).'))
     clear_shares: tuple = constant(
         PERIOD['shares'], '1', 'Shares of clear nodes at which `odds` are given.',
-        fitted(f'{FITS} period', PERIOD.explained('shares')))
+        PERIOD.provenance('shares'))
     odds: tuple = constant(
         PERIOD['odds'], '1', 'Log-odds that the period is right at these shares.',
-        fitted(f'{FITS} period', PERIOD.explained('odds')))
+        PERIOD.provenance('odds'))
     reasons: tuple = constant(
         ('NO_MATCH', 'INCONSISTENT', 'OUT_OF_RANGE', 'IMPLAUSIBLE'), 'Status', 'Reasons that a '
         'wrong period gives; they become AMBIGUOUS where the period is in doubt.',
@@ -467,6 +477,7 @@ class Tuning(Constants):
     grid: GridTuning = GridTuning()
     views: ViewTuning = ViewTuning()
     coarse: CoarseTuning = CoarseTuning()
+    pair: PairTuning = PairTuning()
     planes: PlaneTuning = PlaneTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
@@ -477,12 +488,12 @@ class Tuning(Constants):
 TUNING = Tuning()  # under an aperiodic pattern
 
 PERIODIC = {  # under a pattern whose parts do not hold all colors alike
-    'coarse.texture': Change(2.0, chosen(
-        'Texture tells repetitions apart (e4ddeb0). How the value was found is not recorded.')),
-    'coarse.texture_offset': Change(48.0, chosen(
-        'Under such a weight the noise of dark places must not count (e4ddeb0). ' + OPEN)),
-    'coarse.smoothness': Change(2.0, chosen(
-        'Neighbors tell repetitions apart (e4ddeb0). ' + OPEN)),
+    'coarse.texture': Change(2.0, unexplained(
+        'Texture tells repetitions apart (e4ddeb0).')),
+    'coarse.texture_offset': Change(48.0, unexplained(
+        'Under such a weight the noise of dark places must not count (e4ddeb0).')),
+    'coarse.smoothness': Change(2.0, unexplained(
+        'Neighbors tell repetitions apart (e4ddeb0).')),
     'views.same_camera_balance': Change(math.inf, derived(
         'Both cameras may see different parts of the pattern: they always share their gains.')),
 }
@@ -506,11 +517,11 @@ def slow(radius):
         'planes.gates': Change((3.0, 1.5, 0.75), chosen(
             'Seeds are rougher. One sine, five scenes: .682 within 1 px, as before the narrower '
             'gates (c1b4124).')),
-        'planes.steadiness': Change((16.0, 12.0, 6.0), chosen(
+        'planes.smooth_steps': Change((16.0, 12.0, 6.0), chosen(
             'Creases do not show in such colors. One sine: bench .75 -> .80 within 1 px, print '
             '.70 -> .78 (1a505a2).')),
-        'planes.color_matching': Change(False, chosen(
-            'A shift of slow colors looks like a color difference of the cameras. ' + OPEN)),
+        'pair.color_matching': Change(False, unexplained(
+            'A shift of slow colors looks like a color difference of the cameras.')),
         'views.foreshortening': Change(False, derived(
             'Averaged colors change too slowly for their blur to show.')),
         'planes.noise_correlation': Change(noise_correlation(radius), derived(
@@ -518,12 +529,11 @@ def slow(radius):
         'neighbors.inertia': Change(0.5, chosen(
             'Slow colors fit many planes nearly as well. The favor of the first version was kept '
             '(c1b4124).')),
-        'trust.odds_offset': Change(SLOW['odds_offset'], fitted(
-            f'{FITS} slow', SLOW.explained('odds_offset'))),
-        'trust.vague_std': Change(1.0, chosen(
-            'Slow colors tell the place less precisely (61b5d22). ' + OPEN)),
-        'trust.discord_odds': Change(0.0, chosen(
-            'Planes of slow colors are noisier: true neighbors contradict, too. ' + OPEN)),
+        'trust.odds_offset': Change(SLOW['odds_offset'], SLOW.provenance('odds_offset')),
+        'trust.vague_std': Change(1.0, unexplained(
+            'Slow colors tell the place less precisely (61b5d22).')),
+        'trust.discord_odds': Change(0.0, unexplained(
+            'Planes of slow colors are noisier: true neighbors contradict, too.')),
     }
 
 

@@ -6,11 +6,11 @@ import math
 import numpy as np
 
 from ..compiled import band, banded, LENGTH, part, serial, stack_row
-from .grid_kernels import F4, FAST, FLAT, I4, PAD, U4
+from .grid_kernels import F4, FAST, I4, PAD, SILENT_VARIANCE, U4
 from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
-DARK_RANK = TUNING.views.dark_level_rank
+DARK_LEVEL_RANK = TUNING.views.dark_level_rank
 LEAST_BRIGHTNESS = F4(TUNING.views.least_brightness)
 
 
@@ -42,12 +42,13 @@ def box_sums(k, pixels, out):
 
 
 @serial()
-def channel_levels(pixels, step, known_dark, darkest, dark, mean):
+def channel_levels(pixels, step, known_dark, largest_dark_level, dark, mean):
     """
     Dark level and mean above it of each channel (float32 (3,), DN) in every step-th pixel.
 
     pixels is uint8 (H, W, 3 or more). The dark level is known_dark, or if that is negative the
-    level that one in DARK_RANK pixels does not exceed, at most `darkest`: above that is light.
+    level that one in DARK_LEVEL_RANK pixels does not exceed, at most largest_dark_level: above
+    that is light.
 
     """
     counts = np.zeros((3, 256), np.int64)
@@ -61,7 +62,7 @@ def channel_levels(pixels, step, known_dark, darkest, dark, mean):
         level = known_dark
         if known_dark < F4(0):
             at, seen = 0, counts[channel, 0]
-            while at < darkest and seen <= total // DARK_RANK:
+            while at < largest_dark_level and seen <= total // DARK_LEVEL_RANK:
                 at += 1
                 seen += counts[channel, at]
             level = F4(at)
@@ -73,18 +74,18 @@ def channel_levels(pixels, step, known_dark, darkest, dark, mean):
 
 
 @banded(fastmath=FAST)
-def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise,
+def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, softening, saturation, noise,
                   widening, ring, u, v, s, peak, variance):
     """
     Rectify: sample box sums bilinearly at mapped positions and turn them into chromaticity.
 
     box is uint32 flat with `stride` entries a row, see `box_sums`; index int32 (h, w) names the
-    upper left neighbor, -1 = outside. Writes u = (2 r - g - b) / (s + soft),
-    v = sqrt(3) (g - b) / (s + soft), s = r + g + b (DN, dark level subtracted, gains applied),
-    peak, the brightest raw channel (DN), and the variance of each chromaticity,
-    (floor + shot s + relative s^2) / s^2 with noise = (floor, shot, relative), FLAT where a color
-    has no information: outside, from the peak `saturation` on, or black. Outside u = v = s = 0,
-    peak = -1.
+    upper left neighbor, -1 = outside. Writes u = (2 r - g - b) / (s + softening),
+    v = sqrt(3) (g - b) / (s + softening), s = r + g + b (DN, dark level subtracted, gains
+    applied), peak, the brightest raw channel (DN), and the variance of each chromaticity,
+    (floor + shot s + relative s^2) / s^2 with noise = (floor, shot, relative), SILENT_VARIANCE
+    where a color has no information: outside, from the peak `saturation` on, or black. Outside
+    u = v = s = 0, peak = -1.
 
     widening, float32 (2, h, w) along rows and columns, evens out what nodes see through, see
     `widen_row`; (2, 0, 0): nothing is to be done. ring is float32 (BANDS, 3, 3, w): the last three
@@ -101,8 +102,9 @@ def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, satur
     for y in range(low, high + 1):
         if y < high:
             own = (y >= first) & (y < last)
-            sample_row(box, index[y], frac_x[y], frac_y[y], stride, dark, gain, soft, saturation,
-                       noise, u[y] if plain else us[y % 3], v[y] if plain else vs[y % 3],
+            sample_row(box, index[y], frac_x[y], frac_y[y], stride, dark, gain, softening,
+                       saturation, noise, u[y] if plain else us[y % 3],
+                       v[y] if plain else vs[y % 3],
                        s[y] if own else spare[0], peak[y] if own else spare[1],
                        variance[y] if own else spare[2])
         here = y - 1
@@ -113,8 +115,8 @@ def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, soft, satur
 
 
 @part(fastmath=FAST)
-def sample_row(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation, noise, u, v, s,
-               peak, variance):
+def sample_row(box, index, frac_x, frac_y, stride, dark, gain, softening, saturation, noise, u, v,
+               s, peak, variance):
     """Sample one row of nodes, see `sample_colors`."""
     columns = index.size
     dark_r, dark_g, dark_b = dark[0], dark[1], dark[2]
@@ -149,15 +151,15 @@ def sample_row(box, index, frac_x, frac_y, stride, dark, gain, soft, saturation,
             g = max(g - dark_g, zero) * gain_g
             b = max(b - dark_b, zero) * gain_b
             total = r + g + b
-            scale = one / (total + soft)
+            scale = one / (total + softening)
             inverse = one / max(total, LEAST_BRIGHTNESS)
             spread = relative + inverse * (shot + floor * inverse)
-            silent = outside | (highest >= saturation) | (spread > FLAT)
+            silent = outside | (highest >= saturation) | (spread > SILENT_VARIANCE)
             us[x] = zero if outside else (r + r - g - b) * scale
             vs[x] = zero if outside else (g - b) * (scale * root3)
             totals[x] = zero if outside else total
             peaks[x] = -one if outside else highest
-            spreads[x] = FLAT if silent else spread
+            spreads[x] = SILENT_VARIANCE if silent else spread
         for x in range(stop - start):
             u[start + x] = us[x]
             v[start + x] = vs[x]

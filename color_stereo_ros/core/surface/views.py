@@ -17,7 +17,7 @@ from ..cameras.rectification import inside_image, raw_coordinates
 from ..compiled import BANDS
 from .gains import channel_gains, noise_weight
 from .grid import framed_area
-from .grid_kernels import F4, FLAT, PAD
+from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .view_kernels import box_sums, channel_levels, sample_colors
 
 
@@ -40,8 +40,7 @@ class Views:
     left, right : View
         The right one has one column per pixel, so that a disparity is sampled finely.
     psf : numpy.float32
-        Variance of the point spread that all nodes share, px^2; 0 where foreshortening of the
-        surface does not change it.
+        Variance of the point spread that all nodes share, px^2; 0 switches foreshortening off.
     noise_weight : numpy.float32
         Of the pair in force, see `gains.noise_weight`.
 
@@ -177,7 +176,7 @@ class View:
         for plane in (self.u, self.v):
             plane[:] = cv2.blur(plane, size)
         # the noise of neighbors is correlated: averaging helps less than counting says
-        informed = self.variance < FLAT
+        informed = self.variance < SILENT_VARIANCE
         self.variance[informed] *= F4(self.tuning.averaged_noise / size[1] ** 2)
 
     def add_print(self):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Compile the kernels of the surface method, the last ones first: `python -m ...core.warm_up`.
+Compile the kernels of the surface method, the last ones first.
+
+`python -m color_stereo_ros.core.surface.warm_up` does that.
 
 A process that needs all of them compiles them in the order of the pipeline, in one thread: the
 compiler knows no other way. A second process that comes from the other end meets it half way;

@@ -4,7 +4,7 @@
 MODELS = {
     'trust': 'log-odds that a node is right within 1 px: form and hidden_odds',
     'slow': 'offset of the log-odds under one sine and one sweep: odds_offset',
-    'spread': 'standard deviation of a node: correlated and bent',
+    'spread': 'standard deviation of a node: variance_factor and std_per_distance',
     'period': 'log-odds of the right period under 16 sines: shares and odds',
 }
 

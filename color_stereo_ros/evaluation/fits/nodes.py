@@ -8,13 +8,11 @@ import numpy as np
 from ...core.patterns.expectation import Expectation
 from ...core.pipeline import KERNELS, Stopwatch
 from ...core.surface.method import SurfaceMethod
-from ...core.surface.trust_kernels import ISLAND
+from ...core.surface.trust_kernels import ISLAND_ODDS
 from ...core.surface.tuning import tuning_for
 from ...core.triangulation import disparity_limits
 
-DARKEST = 1.0  # DN of summed channels: darker nodes get no range anyway
-MARGIN = 0.5   # px, by which a plane may leave the disparity limits
-RIGHT = 1.0    # px: what confidence means
+RIGHT = 1.0  # px: what confidence means
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +20,7 @@ class Nodes:
     """The nodes of one pair that a surface, or its absence, can judge; arrays of N nodes."""
 
     evidence: np.ndarray
-    """float64 (N, 5), see `trust_kernels.judge`."""
+    """float64 (N, 5), see `trust_kernels.weigh_evidence`."""
     hidden: np.ndarray
     """bool (N,), a more trusted surface claims the place in the right image."""
     log_odds: np.ndarray
@@ -77,13 +75,14 @@ def gathered(pair, tuning):
     with KERNELS:
         method.measure(pair.left, pair.right, Stopwatch())
     planes, trust, grid = method.planes, method.trust, method.planes.grid
+    lowest, highest = trust.limits
     area = grid.inner
     at_nodes = np.s_[:2 * grid.rows:2, :2 * grid.columns:2]
-    d, a, b = (plane[area].astype(float) for plane in planes)
+    d, a, b = (plane[area].astype(float) for plane in (planes.d, planes.a, planes.b))
     visible, alone = pair.visible[at_nodes], pair.alone[at_nodes]
-    judged = ((visible | alone) & (trust.log_odds[area] > ISLAND)
-              & (method.views.left.s[area] > DARKEST)
-              & (d >= method.limits[0] - MARGIN) & (d <= method.limits[1] + MARGIN))
+    judged = ((visible | alone) & (trust.log_odds[area] > ISLAND_ODDS)
+              & (method.views.left.s[area] > tuning.trust.unlit)
+              & (d >= lowest) & (d <= highest))
     seeds = method.coarse.seeds
     share = (np.ones(grid.nodes) if seeds.clear_share is None
              else trust.at_all_nodes(seeds.clear_share))

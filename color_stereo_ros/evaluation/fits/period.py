@@ -5,6 +5,7 @@ import numpy as np
 
 from ...core import PatternSettings
 from ...core.constants import replaced
+from ...core.surface.tuning import TUNING
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares, logistic_fit
@@ -15,7 +16,7 @@ CYCLES = 16
 SHARES = 0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 1.0
 RIGHT_PERIOD = 0.25  # of a period: errors below are no wrong period
 HOLD = 1e-5          # towards log-odds of 0 where no node has been
-CERTAIN = 14.0       # the largest log-odds of a node
+CERTAIN = TUNING.trust.odds_limits[1]  # the largest log-odds of a node
 
 
 def pairs_of(scenes, options):

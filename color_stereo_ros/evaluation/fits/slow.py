@@ -5,13 +5,14 @@ import numpy as np
 
 from ...core import PatternSettings
 from ...core.constants import replaced
+from ...core.surface.tuning import TUNING
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares, logistic_fit
 
 PATTERNS = 'sine', 'sweep'
 HOLD = 1e-9     # keeps the equations solvable
-TAME = 14.0     # log-odds beyond which a node counts as certain
+TAME = TUNING.trust.odds_limits[1]  # log-odds beyond which a node counts as certain
 
 
 def pairs_of(scenes, options):

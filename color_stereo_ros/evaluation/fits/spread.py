@@ -3,11 +3,11 @@
 
 import numpy as np
 
+from ...core.surface.trust_kernels import APART
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares
 
-DISTANCE = 3     # which evidence: root of the mean distance of the neighbors from the plane
 STEPS = 50       # of the scoring method: it converges in about ten
 LEAST = 1e-8     # px^2, of a variance
 NORMAL = 1.4826  # standard deviation over median magnitude, of normal noise
@@ -22,13 +22,13 @@ def pairs_of(scenes, options):
 
 
 def fit(pairs, options):
-    """Fit to pairs, see `trust.fit`; returns `correlated` and `bent`."""
+    """Fit to pairs, see `trust.fit`; returns `variance_factor` and `std_per_distance`."""
     samples = [samples_of(gathered(pair, pattern_tuning(pair)))
                for pair in options.progress(pairs)]
-    correlated, bent = fitted_spread(samples)
-    scores = [robust_std(np.abs(error) / np.sqrt(correlated * variance + (bent * apart) ** 2))
+    factor, slope = fitted_spread(samples)
+    scores = [robust_std(np.abs(error) / np.sqrt(factor * variance + (slope * apart) ** 2))
               for error, variance, apart in samples if len(error)]
-    return ({'correlated': round(correlated, 3), 'bent': round(bent, 3)},
+    return ({'variance_factor': round(factor, 3), 'std_per_distance': round(slope, 3)},
             [f'robust standard deviation of error / std: {np.mean(scores):.2f} (1 is honest)'])
 
 
@@ -36,14 +36,15 @@ def samples_of(nodes):
     """Return error, variance (px^2) and distance of the neighbors (px) of right ranges."""
     used = nodes.right & (nodes.log_odds >= nodes.least_odds) & np.isfinite(nodes.variance)
     return (nodes.error[used], np.maximum(nodes.variance[used], LEAST),
-            nodes.evidence[used, DISTANCE] ** 2)
+            nodes.evidence[used, APART] ** 2)
 
 
 def fitted_spread(samples):
     """
-    Return correlated and bent by maximum likelihood of normal errors; each pair counts alike.
+    Return variance_factor and std_per_distance; each pair counts alike.
 
-    The variance correlated v + bent^2 x^2 is linear in (correlated, bent^2). Every step of the
+    The fit is by maximum likelihood of normal errors. Their variance, variance_factor v +
+    std_per_distance^2 x^2, is linear in variance_factor and std_per_distance^2. Every step of the
     scoring method is therefore a weighted least-squares fit of the squared errors. Errors beyond
     OUTLIER standard deviations do not count: they are no noise but wrong planes.
 
