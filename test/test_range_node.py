@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from ros_rig import (answering, calibration, DEPTH, floats, HEIGHT, image_message, NodeProcess,
-                     PAPER, scene, WIDTH)
+                     PAPER, Rig, scene, WIDTH)
 
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
@@ -175,19 +175,24 @@ def test_a_12_bit_camera_is_noticed_once_and_read_by_its_significant_bits(tmp_pa
                      data=array('B', data.tobytes()))
 
     words = 'input.significant_bits to their number (12 or more'
-    with answering(tmp_path / 'log.txt', PAPER, {'depth/image': Image}, 'depth/image') as rig:
-        messages = {side: mosaic(image) for side, image in rig.images.items()}
-        for _ in range(12):
-            rig.await_output('depth/image', rig.send_pair(**messages))
-        parts = rig.diagnose(lambda p: words in p['inputs'].message, 'the unused bits')
-        assert parts['inputs'].level == DiagnosticStatus.WARN
-        assert rig.set_parameters(input__significant_bits=12).successful
-        depth = rig.await_output('depth/image', rig.send_pair(**messages))
-        rig.images = {side: image_to_rgb(message, 12) for side, message in messages.items()}
-        assert bytes(depth.data) == expected(rig).depth.tobytes()
-        assert np.isfinite(floats(depth)).mean() > 0.5
-        rig.diagnose(lambda p: words not in p['inputs'].message, 'the end of it')
-        assert rig.process.text().count(words) == 1
+    node = NodeProcess(tmp_path / 'log.txt', parameters=PAPER, arguments=['-r', '__ns:=/bits'])
+    rig = Rig('/bits')
+    rig.listen(Image, 'depth/image')
+    rig.first_output('depth/image')
+    messages = {side: mosaic(image) for side, image in rig.images.items()}
+    for _ in range(12):
+        rig.await_output('depth/image', rig.send_pair(**messages))
+    parts = rig.diagnose(lambda p: words in p['inputs'].message, 'the unused bits')
+    assert parts['inputs'].level == DiagnosticStatus.WARN
+    assert rig.set_parameters(input__significant_bits=12).successful
+    depth = rig.await_output('depth/image', rig.send_pair(**messages))
+    rig.images = {side: image_to_rgb(message, 12) for side, message in messages.items()}
+    assert bytes(depth.data) == expected(rig).depth.tobytes()
+    assert np.isfinite(floats(depth)).mean() > 0.5
+    rig.diagnose(lambda p: words not in p['inputs'].message, 'the end of it')
+    assert node.text().count(words) == 1
+    assert node.stop() == 0
+    rig.close()
 
 
 def test_16uc1_is_millimeters_with_zero_for_unknown(rig):
