@@ -5,7 +5,7 @@ import numpy as np
 
 import pytest
 
-from ros_rig import NodeProcess, PAPER, Rig
+from ros_rig import silent_rig
 
 from sensor_msgs.msg import Image
 
@@ -17,17 +17,8 @@ from std_srvs.srv import Trigger
 @pytest.fixture(scope='module')
 def running(tmp_path_factory):
     """Yield a rig without any listener, and its node."""
-    folder = tmp_path_factory.mktemp('capture')
-    parameters = {**PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0}
-    node = NodeProcess(folder / 'log.txt', parameters=parameters)
-    rig = Rig()
-    rig.folder = folder
-    rig.wait_for_node()
-    node.wait_until_said('ready after')
-    yield rig
-    assert node.stop() == 0
-    rig.close()
-    assert 'Traceback' not in node.text()
+    with silent_rig(tmp_path_factory.mktemp('capture')) as rig:
+        yield rig
 
 
 @pytest.fixture
