@@ -341,6 +341,21 @@ def floats(msg):
 
 
 @contextmanager
+def silent_rig(folder, **parameters):
+    """Yield a rig without any listener, whose node is ready; the node must end well."""
+    node = NodeProcess(folder / 'log.txt', parameters={
+        **PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0, **parameters})
+    rig = Rig()
+    rig.folder, rig.process = folder, node
+    rig.wait_for_node()
+    node.wait_until_said('ready after')
+    yield rig
+    assert node.stop() == 0
+    rig.close()
+    assert 'Traceback' not in node.text()
+
+
+@contextmanager
 def answering(log, parameters, kinds, first):
     """
     Yield a rig whose range_node has answered once; afterwards the node must end in good order.

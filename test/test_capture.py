@@ -11,7 +11,7 @@ import numpy as np
 
 import pytest
 
-from ros_rig import NodeProcess, PAPER, Rig
+from ros_rig import silent_rig
 
 from sensor_msgs.msg import Image
 
@@ -26,17 +26,10 @@ def running(tmp_path_factory):
     folder = tmp_path_factory.mktemp('capture')
     saved = folder / 'saved'
     saved.mkdir()
-    parameters = {**PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0,
-                  'output.save_directory': saved, 'output.save_limit': 3}
-    node = NodeProcess(folder / 'log.txt', parameters=parameters)
-    rig = Rig()
-    rig.folder = saved
-    rig.wait_for_node()
-    node.wait_until_said('ready after')
-    yield rig
-    assert node.stop() == 0
-    rig.close()
-    assert 'Traceback' not in node.text()
+    limits = {'output.save_directory': saved, 'output.save_limit': 3}
+    with silent_rig(folder, **limits) as rig:
+        rig.folder = saved
+        yield rig
 
 
 @pytest.fixture

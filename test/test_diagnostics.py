@@ -7,7 +7,7 @@ import numpy as np
 
 import pytest
 
-from ros_rig import calibration, NodeProcess, PAPER, Rig, scene, values_of
+from ros_rig import calibration, scene, silent_rig, values_of
 
 from sensor_msgs.msg import Image
 
@@ -17,18 +17,8 @@ from std_msgs.msg import String
 @pytest.fixture(scope='module')
 def running(tmp_path_factory):
     """Yield a rig without any listener, and its node."""
-    folder = tmp_path_factory.mktemp('diagnostics')
-    parameters = {**PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0,
-                  'pattern.type': 'sweep'}
-    node = NodeProcess(folder / 'log.txt', parameters=parameters)
-    rig = Rig()
-    rig.process = node
-    rig.wait_for_node()
-    node.wait_until_said('ready after')
-    yield rig
-    assert node.stop() == 0
-    rig.close()
-    assert 'Traceback' not in node.text()
+    with silent_rig(tmp_path_factory.mktemp('diagnostics'), **{'pattern.type': 'sweep'}) as rig:
+        yield rig
 
 
 @pytest.fixture

@@ -164,8 +164,8 @@ def test_the_lens_is_written_read_and_simulated(example, tmp_path):
 @of('output topic')
 def test_the_output_is_among_the_topics(example, capsys):
     assert list(OUTPUTS)[-1] == 'distance/image'
-    assert output_table().endswith('| `distance/image` | sensor_msgs/Image | 32FC1, m from the left '
-                                   'camera to the surface, NaN = unknown |\n')
+    assert output_table().endswith('| `distance/image` | sensor_msgs/Image | 32FC1, m from the '
+                                   'left camera to the surface, NaN = unknown |\n')
     with pytest.raises(SystemExit):
         cli.main(['convert', '--help'])
     assert 'range_image, distance/image' in ' '.join(capsys.readouterr().out.split())

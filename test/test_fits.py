@@ -154,6 +154,7 @@ def test_the_help_names_every_fit():
 
 # ---- files
 
+@pytest.mark.processes  # git says the revision
 def test_a_written_model_is_read_back_and_keeps_what_was_set_by_hand(tmp_path):
     fitted = {'form': np.eye(6).tolist(), 'hidden_odds': -1.5}
     model = records.record('trust', fitted, 'the command', ['solids'])
@@ -182,6 +183,7 @@ def test_the_command_that_is_recorded_repeats_the_fit():
         'python -m color_stereo_ros.evaluation.fits spread solids --quick --seed 3')
 
 
+@pytest.mark.processes  # git says the revision
 def test_a_fit_runs_from_scenes_to_a_file(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(trust, 'pairs_of', lambda scenes, options: [step() for _ in scenes])
     monkeypatch.setattr(run, 'progress_bar', list)

@@ -8,6 +8,7 @@ import yaml
 
 from ..core.settings import checked_value, described, flat, Settings, suggestion
 from ..errors import SettingsError
+from ..files.atomic import write_text
 from ..files.yaml import load_yaml, UnreadableError
 from .groups import PatternNodeSettings, RangeNodeSettings
 
@@ -186,8 +187,7 @@ def write_parameter_files(folder):
     """Write the shipped parameter files, which hold the defaults."""
     for name, settings in (('range_node', RangeNodeSettings()),
                            ('pattern_node', PatternNodeSettings())):
-        (Path(folder) / f'{name}.yaml').write_text(parameter_file(name, settings),
-                                                   encoding='utf-8')
+        write_text(Path(folder) / f'{name}.yaml', parameter_file(name, settings))
 
 
 if __name__ == '__main__':
