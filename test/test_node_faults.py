@@ -656,13 +656,12 @@ def test_a_volatile_publisher_beside_a_latched_one_is_heard(rig):
 
 
 def test_two_publishers_of_one_topic_are_named(rig):
-    before = len(rig.process.text())
     second = Rig()
     send_good(rig)
     assert_told(rig, 'inputs', DiagnosticStatus.WARN,
                 *(f'2 publishers on /{side}/{topic} (/test_rig, /test_rig)'
                   for side in ('left', 'right') for topic in ('image_raw', 'camera_info')))
-    rig.process.wait_until_said('2 publishers on /left/image_raw', since=before)
+    rig.process.wait_until_said('2 publishers on /left/image_raw')  # at most every 5 s
     second.close()
     send_good(rig)
     rig.diagnose(lambda p: p['inputs'].message == 'pairs arrive', 'one publisher')
