@@ -57,7 +57,8 @@ def run(arguments, package=PACKAGE.parent, **changes):
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(package), str(FOLDER)]),
                    **changes}
     return subprocess.run(
-        [sys.executable, *map(str, arguments)], capture_output=True, text=True, timeout=300, cwd=FOLDER,
+        [sys.executable, *map(str, arguments)], cwd=FOLDER, capture_output=True, text=True,
+        timeout=300,
         env={name: value for name, value in environment.items() if value is not None})
 
 
