@@ -417,8 +417,8 @@ def accept_winners(winner, costs, reason, left, right, first, count, low, high, 
 
     Reads winner (H, W, 2) and costs (H, W, 5) of the search, half the columns, the numbers of
     pixels and of independent pixels of a window, the ratio `chance` of mean and least cost that
-    colors without any match reach, and the limits of the disparity; writes disparity, deviation (its standard
-    deviation) and confidence (H, W), and status (H, W), the codes of Status.
+    colors without any match reach, and the limits of the disparity; writes disparity, deviation
+    (its standard deviation) and confidence (H, W), and status (H, W), the codes of Status.
 
     """
     height, width = status.shape
