@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What holds for all tests: nodes end, and the lanes quick and proof choose among the tests."""
 
+import signal
 import sys
 
 import lanes
@@ -22,13 +23,26 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """Prepare the lane."""
+    """Prepare the lane, and the signals of the processes that tests start."""
+    give_children_an_interrupt()
     config.addinivalue_line('markers', 'processes: starts processes, or needs ROS or the '
                             'simulator, though its source does not show it')
     config.addinivalue_line('markers', 'long: takes seconds without any of these')
     config.stash[FIGURES] = []
     if config.getoption('quick'):
         lanes.keep_quick()
+
+
+def give_children_an_interrupt():
+    """
+    Let processes that are started obey SIGINT where this one ignores it.
+
+    A shell starts what ends in & with SIGINT ignored, and so would all children be. A handler
+    that does nothing is as deaf, but a new program gets the default instead of a handler.
+
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, lambda *_: None)
 
 
 def pytest_ignore_collect(collection_path, config):

@@ -163,3 +163,27 @@ def test_negative_disparities_of_verged_rigs_are_measured():
         range__min_depth=0.3, range__max_depth=0.5)).process(scene.left, scene.right)
     assert (result.disparity[np.isfinite(result.disparity)] < 0).mean() > 0.5
     assert scene.share_correct(result) > 0.8
+
+
+@pytest.mark.parametrize('method', ['surface', 'paper'])
+@pytest.mark.parametrize('rectified', [False, True])
+def test_a_result_is_independent_of_the_arrays_it_was_made_from(method, rectified):
+    left, right = hue_pair(5.0)
+    settings = paper_settings(**NEAR, matching__method=method)
+    stereo = ColorStereo(parallel_rig(), settings, rectified_input=rectified)
+    expected = stereo.process(left, right).image.copy()
+    result = stereo.process(left, right)
+    left[:], right[:] = 7, 9
+    np.testing.assert_array_equal(result.image, expected)
+    result.image[:] = 1  # nor do the arrays depend on the result
+    assert (left == 7).all() and (right == 9).all()
+
+
+def test_images_that_cannot_be_written_give_the_same(measured):
+    scene, expected = measured
+    settings = paper_settings(range__min_depth=0.22, range__max_depth=0.62)
+    images = [np.frombuffer(image.tobytes(), np.uint8).reshape(image.shape)
+              for image in (scene.left, scene.right)]
+    result = ColorStereo(scene.calibration, settings).process(*images)
+    np.testing.assert_array_equal(result.depth, expected.depth)
+    np.testing.assert_array_equal(result.image, expected.image)

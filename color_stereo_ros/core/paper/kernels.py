@@ -410,15 +410,15 @@ def _trust(best, second, mean, bend, unit, independent, chance):
 
 @parallel(error_model='python')
 def accept_winners(winner, costs, reason, left, right, first, count, low, high, tolerance,
-                   uniqueness, subpixel, reach, pixels, independent, chance, smallest, largest, disparity,
-                   deviation, confidence, status):
+                   uniqueness, subpixel, reach, pixels, independent, chance, smallest, largest,
+                   disparity, deviation, confidence, status):
     """
     Turn winners into disparities, or into the reason why there is none.
 
     Reads winner (H, W, 2) and costs (H, W, 5) of the search, half the columns, the numbers of
-    pixels and of independent pixels of a window, the ratio `chance` of mean and least cost that colors without
-    any match reach, and the limits of the disparity; writes disparity, deviation (its standard
-    deviation) and confidence (H, W), and status (H, W), the codes of Status.
+    pixels and of independent pixels of a window, the ratio `chance` of mean and least cost that
+    colors without any match reach, and the limits of the disparity; writes disparity, deviation
+    (its standard deviation) and confidence (H, W), and status (H, W), the codes of Status.
 
     """
     height, width = status.shape

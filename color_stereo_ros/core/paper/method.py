@@ -126,11 +126,11 @@ class PaperMatcher:
                       confidence=np.empty(reason.shape, np.float32),
                       status=np.empty(reason.shape, np.uint8))
         kernels.accept_winners(
-            buffers.winner, buffers.costs, reason, left, right, self._first, self._count, low, high,
-            settings.left_right_tolerance, settings.uniqueness_ratio,
+            buffers.winner, buffers.costs, reason, left, right, self._first, self._count, low,
+            high, settings.left_right_tolerance, settings.uniqueness_ratio,
             SUBPIXEL_CODES[settings.subpixel], settings.window_width // 2,
-            settings.window_width * settings.window_height,
-            self._independent, self._chance, *self._limits,
+            settings.window_width * settings.window_height, self._independent, self._chance,
+            *self._limits,
             match.disparity, match.disparity_std, match.confidence, match.status)
         return match
 

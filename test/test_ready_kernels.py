@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ColorStereo is ready when it is made: whatever comes, nothing is compiled any more."""
+
+from dataclasses import fields
+from itertools import chain, combinations
+
+from color_stereo_ros.core import ColorStereo, ColorStereoError, Settings
+from color_stereo_ros.core.compiled import told_of_compiling
+from color_stereo_ros.core.compiled.decorators import Kernel
+from color_stereo_ros.core.methods import METHODS
+from color_stereo_ros.core.settings.fields import flat
+from color_stereo_ros.core.surface.warm_up import SIZE, some_calibration
+import numba
+import numpy as np
+import pytest
+
+CALIBRATION = some_calibration()
+RANGE = {'range.min_depth': 0.25, 'range.max_depth': 0.8}
+FIXED = {'pattern.width', 'pattern.height', 'matching.method', *RANGE}
+
+
+def choices():
+    """Return every setting with other values: all choices, both switches, both ends of a range."""
+    found = []
+    for name, default in flat(Settings()).items():
+        group, key = name.split('.')
+        spec = next(each for each in fields(getattr(Settings(), group)) if each.name == key)
+        if name in FIXED:
+            continue
+        if isinstance(default, bool):
+            values = [not default]
+        elif spec.metadata.get('choices') is not None:
+            values = [each for each in spec.metadata['choices'] if each != default]
+        else:
+            values = [value for value in (spec.metadata['minimum'], spec.metadata['maximum'])
+                      if value != default and abs(value) < 1000]
+        found += [(name, value) for value in values]
+    return found
+
+
+def all_settings(method):
+    """Return sets of changes: none, each alone, and all pairs of what switches or chooses."""
+    switches = [each for each in choices() if isinstance(each[1], (bool, str))]
+    changes = chain([()], ((each,) for each in choices()), combinations(switches, 2))
+    return [{**RANGE, 'matching.method': method, **dict(each)} for each in changes]
+
+
+def pairs():
+    """Yield what may come: colors, noise, white; written to, read-only, a part of an array."""
+    rng = np.random.default_rng(4)
+    shape = (SIZE[1], SIZE[0], 3)
+    ramp = np.add.outer(np.arange(shape[0]), 3 * np.arange(shape[1]))
+    colors = np.stack([127 + 100 * np.sin(ramp / 15 + phase) for phase in (0, 2, 4)], axis=-1)
+    colors = colors.astype(np.uint8)
+    yield colors, np.roll(colors, -3, axis=1)
+    noise = rng.integers(0, 256, (2, *shape), dtype=np.uint8)
+    yield noise[0], np.frombuffer(noise[1].tobytes(), np.uint8).reshape(shape)
+    noise.flags.writeable = False
+    yield noise[0], noise[1]
+    wide = np.zeros((shape[0], 2 * shape[1], 3), np.uint8)
+    wide[:, ::2] = colors
+    yield wide[:, ::2], np.asfortranarray(colors)
+    yield np.full(shape, 255, np.uint8), colors
+
+
+@pytest.fixture
+def called(monkeypatch):
+    """Return the set of kernels and types of their arguments that are called."""
+    found = set()
+    original = Kernel.__call__
+
+    def call(kernel, *args):
+        found.add((kernel.__module__, kernel.__name__, tuple(map(numba.typeof, args))))
+        return original(kernel, *args)
+
+    monkeypatch.setattr(Kernel, '__call__', call)
+    return found
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('rectified', [False, True])
+@pytest.mark.parametrize('method', METHODS)
+def test_every_kernel_that_runs_has_run_in_the_constructor(method, rectified, called):
+    """numba compiles a kernel for the types of its arguments: the same types, nothing compiled."""
+    tried = 0
+    for values in all_settings(method):
+        try:
+            settings = Settings().updated(values)
+            called.clear()
+            stereo = ColorStereo(CALIBRATION, settings, rectified_input=rectified)
+        except ColorStereoError:
+            continue  # settings that contradict each other
+        ready = set(called)
+        for pair in pairs():
+            stereo.process(*pair)
+        late = [(module, name) for module, name, _ in called - ready]
+        assert not late, (values, late)
+        tried += 1
+    assert tried > 50
+
+
+def test_who_asks_is_told_of_compiling_once():
+    told = []
+    with told_of_compiling(lambda: told.append('compiling')):
+        function = numba.njit(lambda number: number + 1)
+        function(1)
+        function(1.0)
+    function(True)
+    assert told == ['compiling']
