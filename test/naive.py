@@ -9,9 +9,6 @@ import numpy as np
 COST_UNIT = 2.0
 COST_CAP = 16000.0
 UNUSABLE_COST = 2000.0
-# A rival that costs this much more is as good, and the cost of mere noise.
-TIE = 1.0
-MATCH_NOISE = 20.0
 
 
 def corrected_color(color, dark, gains, zero_weakest, target):
@@ -94,24 +91,22 @@ def window_cost(left, right, y, x, disparity, reach_x, reach_y):
 
 def search(left, right, first, count, reach_x, reach_y, low, high):
     """
-    Return winner (H, W, 2), costs (H, W, 5) and all window costs (H, W, count).
+    Return winner (H, W, 2), costs (H, W, 4) and all window costs (H, W, count).
 
     As the kernel: k of the winner and of the winner of its right pixel; costs before, at and
-    after the winner, of the best other local minimum, and the mean inside the right image.
+    after the winner and of the best other local minimum.
 
     """
     height, width = left.shape[:2]
     volume = np.array([[[window_cost(left, right, y, x, first + k, reach_x, reach_y)
                          for k in range(count)] for x in range(width)] for y in range(height)])
-    winner, costs = np.full((height, width, 2), -1), np.zeros((height, width, 5))
+    winner, costs = np.full((height, width, 2), -1), np.zeros((height, width, 4))
     for y in range(height):
         for x in range(width):
             if left[y, x, 3] > 0:
                 candidates = range(low[y, x], high[y, x])
                 winner[y, x, 0] = min(candidates, key=lambda k: volume[y, x, k])
-                seen = [k for k in candidates if 0 <= x - first - k < width]
-                costs[y, x] = (*_costs(volume[y, x], candidates, winner[y, x, 0]),
-                               np.mean(volume[y, x, seen]) if seen else math.inf)
+                costs[y, x] = _costs(volume[y, x], candidates, winner[y, x, 0])
         for x in range(width):
             if winner[y, x, 0] >= 0:
                 winner[y, x, 1] = _right_winner(volume[y], left[y, :, 3], x - winner[y, x, 0],
@@ -133,9 +128,8 @@ def _right_winner(volume, usable, shifted, low, high):
     return min(bids)[1]
 
 
-def verdict(k, mirrored, column, right_row, low, high, count, costs, tolerance, uniqueness, unit,
-            chance):
-    """Return the status code of one winner; unit: a cost of 1 in each pixel of the window."""
+def verdict(k, mirrored, column, right_row, low, high, count, costs, tolerance, uniqueness):
+    """Return the status code of one winner."""
     if k in (0, count - 1):
         return 7
     if k in (low, high - 1) or not 0 <= column < len(right_row) or right_row[column, 3] == 0:
@@ -146,29 +140,7 @@ def verdict(k, mirrored, column, right_row, low, high, count, costs, tolerance, 
         return 5
     if uniqueness > 0 and costs[3] <= costs[1] * (1 + uniqueness):
         return 5
-    if costs[3] - costs[1] < TIE * unit:
-        return 5
-    if costs[4] + MATCH_NOISE * unit < chance * (costs[1] + MATCH_NOISE * unit):
-        return 5
     return 0
-
-
-def trusted_bend(before, best, after, right_row, column, reach):
-    """Return the bend of the cost that the confidence is made of."""
-    ends = column - reach - 1, column + reach + 1
-    if all(0 <= x < len(right_row) and right_row[x, 3] > 0 for x in ends):
-        return before - 2 * best + after
-    return min(before - 2 * best + after, 2 * (min(before, after) - best))
-
-
-def trust(best, second, mean, bend, unit, independent, chance):
-    """Return the probability that a match is right: precise, not by chance, without a rival."""
-    deviation = 1.12 * math.sqrt((best + 5 * unit + 1) / (independent * max(bend, 1))) ** 1.15
-    margin = math.log((mean + 20 * unit + 1) / (best + 20 * unit + 1) / chance)
-    lead = math.log((max(best, second) + 2000 * unit + 1) / (best + 2000 * unit + 1))
-    odds = 2.602 + 0.721 * margin, 0.338 + 3.977 * lead
-    return math.erf(math.sqrt(0.5) / deviation) * math.prod(1 / (1 + math.exp(-each))
-                                                           for each in odds)
 
 
 def subpixel_offset(before, best, after, mode):

@@ -27,21 +27,11 @@ FAR = TUNING.search.unlit_ratio
 UNKNOWN_COST = TUNING.search.unknown_cost
 NO_COST = TUNING.search.no_cost
 NO_INDEX = TUNING.search.no_index
+SURE = TUNING.search.sure_evidence
 LANES = TUNING.search.lanes
 PADDING_COST = TUNING.search.padding_cost
 LEAST_COMPONENT = TUNING.search.least_component
 LEAST_SUM = TUNING.colors.least_sum
-FULL_SCALE = TUNING.colors.brightness
-TIE = TUNING.trust.tie
-MATCH_NOISE = TUNING.trust.match_noise
-PRECISION_FLOOR = TUNING.trust.precision_floor
-PRECISION_FACTOR = TUNING.trust.precision_factor
-PRECISION_POWER = TUNING.trust.precision_power
-CHANCE_OFFSET = TUNING.trust.chance_offset
-CHANCE_SLOPE = TUNING.trust.chance_slope
-RIVAL_FLOOR = TUNING.trust.rival_floor
-RIVAL_OFFSET = TUNING.trust.rival_offset
-RIVAL_SLOPE = TUNING.trust.rival_slope
 
 
 def band_count():
@@ -245,19 +235,6 @@ def _second(total, low, high, where):
 
 
 @serial(error_model='python')
-def _mean(total, low, high):
-    """Return the mean cost in low <= k < high, PADDING_COST if there is none."""
-    one = np.uint64(1)
-    cost = np.int64(0)
-    for k in range(np.uint64(low), np.uint64(max(low, high))):
-        cost += np.int64(total[np.uint64(k) + one])
-    if high <= low:
-        return np.int32(PADDING_COST)
-    half = np.int64(high - low) // np.int64(2)
-    return np.int32((cost + half) // np.int64(high - low))
-
-
-@serial(error_model='python')
 def _offer_to_right(total, low, high, base, right_cost, right_index):
     """Let the left pixel bid for its candidates: each right pixel keeps the cheapest k."""
     start, one = np.uint64(base), np.uint64(1)
@@ -270,14 +247,14 @@ def _offer_to_right(total, low, high, base, right_cost, right_index):
 
 
 @serial(error_model='python')
-def _search_row(usable, sums, first, reach, count, low, high, total, right_cost, right_index,
-                winner, costs):
+def _search_row(usable, sums, reach, count, low, high, total, right_cost, right_index, winner,
+                costs):
     """
     Find the winner of each left pixel of one row.
 
     Writes winner (W, 2): k of the winner and k of the winner of its right pixel, -1 where the
-    left pixel is not usable; costs (W, 5): cost before, at and after the winner, of the best other
-    minimum, and the mean cost of all candidates inside the right image.
+    left pixel is not usable; costs (W, 4): cost before, at and after the winner, and of the best
+    other minimum.
 
     """
     width, padded = sums.shape
@@ -301,8 +278,6 @@ def _search_row(usable, sums, first, reach, count, low, high, total, right_cost,
             costs[x, 1] = best
             costs[x, 2] = total[where + 2]
             costs[x, 3] = _second(total, low[x], stop, where)
-            costs[x, 4] = _mean(total, max(low[x], x - first - width + 1),
-                                min(high[x], x - first + 1))
     for x in range(width):
         winner[x, 1] = -1
         if winner[x, 0] >= 0:
@@ -316,7 +291,7 @@ def search(left, right, first, count, reach_x, reach_y, low, high, ring, sums, t
     Search the corresponding points of an image (paper, sec. 2.2: minimum of Q over the window).
 
     One band of rows per first index of the buffers, each band with its own. Writes winner
-    (H, W, 2) and costs (H, W, 5); see _search_row.
+    (H, W, 2) and costs (H, W, 4); see _search_row.
 
     """
     bands = ring.shape[0]
@@ -337,9 +312,9 @@ def search(left, right, first, count, reach_x, reach_y, low, high, ring, sums, t
                 _drop_cost_row(ring[band, slot], sums[band])
             center = y - reach_y
             if center >= start:
-                _search_row(left[center], sums[band], first, reach_x, count, low[center],
-                            high[center], total[band], right_cost[band], right_index[band],
-                            winner[center], costs[center])
+                _search_row(left[center], sums[band], reach_x, count, low[center], high[center],
+                            total[band], right_cost[band], right_index[band], winner[center],
+                            costs[center])
 
 
 @serial(error_model='python')
@@ -375,68 +350,29 @@ def _within_one_pixel(deviation):
     return np.float32(1.0) - np.float32(1.0) / (square * square)
 
 
-@serial(error_model='python')
-def _touches_unusable(colors, column, reach):
-    """Return whether a window of a right row ends beside a pixel that cannot be used."""
-    first, last = column - reach - 1, column + reach + 1
-    if first < 0 or last >= colors.shape[0]:
-        return True
-    return colors[first, 3] == 0 or colors[last, 3] == 0
-
-
-@serial(error_model='python')
-def _trust(best, second, mean, bend, unit, independent, chance):
-    """
-    Return the probability that a match is right within 1 px.
-
-    A match is right if its place is precise, if it does not match by chance, and if its rival
-    is not the right one. Differences of the cameras count beside the noise; see TrustTuning.
-
-    """
-    one = np.float32(1.0)
-    noise = (best + np.float32(PRECISION_FLOOR) * unit + one) / (
-        independent * max(bend, one))
-    deviation = np.float32(PRECISION_FACTOR) * math.exp(
-        np.float32(0.5 * PRECISION_POWER) * math.log(noise))
-    floor = np.float32(MATCH_NOISE) * unit + one
-    margin = math.log((mean + floor) / (chance * (best + floor)))
-    by_chance = math.exp(-np.float32(CHANCE_OFFSET) - np.float32(CHANCE_SLOPE) * margin)
-    floor = np.float32(RIVAL_FLOOR) * unit + one
-    lead = math.log((max(second, best) + floor) / (best + floor))
-    rivaled = math.exp(-np.float32(RIVAL_OFFSET) - np.float32(RIVAL_SLOPE) * lead)
-    return _within_one_pixel(np.float32(deviation)) / (
-        (one + np.float32(by_chance)) * (one + np.float32(rivaled)))
-
-
 @parallel(error_model='python')
-def accept_winners(winner, costs, reason, left, right, first, count, low, high, tolerance,
-                   uniqueness, subpixel, reach, pixels, independent, chance, smallest, largest,
-                   disparity, deviation, confidence, status):
+def accept_winners(winner, costs, reason, right, first, count, low, high, tolerance, uniqueness,
+                   subpixel, independent, smallest, largest, disparity, deviation, confidence,
+                   status):
     """
     Turn winners into disparities, or into the reason why there is none.
 
-    Reads winner (H, W, 2) and costs (H, W, 5) of the search, half the columns, the numbers of
-    pixels and of independent pixels of a window, the ratio `chance` of mean and least cost that
-    colors without any match reach, and the limits of the disparity; writes disparity, deviation
-    (its standard deviation) and confidence (H, W), and status (H, W), the codes of Status.
+    Reads winner (H, W, 2) and costs (H, W, 4) of the search, the number of independent pixels in
+    a window and the limits of the disparity; writes disparity, deviation (its standard
+    deviation) and confidence (H, W), and status (H, W), the codes of Status.
 
     """
     height, width = status.shape
     one = np.float32(1.0)
     distinct = one + np.float32(uniqueness)
     independent = np.float32(independent)
-    pixels, chance = np.float32(pixels), np.float32(chance)
     for y in prange(height):
         for x in range(width):
             k = winner[y, x, 0]
             column = x - first - k
             before, best = np.float32(costs[y, x, 0]), np.float32(costs[y, x, 1])
             after, second = np.float32(costs[y, x, 2]), np.float32(costs[y, x, 3])
-            mean = np.float32(costs[y, x, 4])
             bend = before - best + after - best
-            level = (left[y, x, 0] + left[y, x, 1] + left[y, x, 2]) / np.float32(FULL_SCALE)
-            unit = pixels * level * level  # a cost of 1 in each pixel, if colors are scaled
-            floor = np.float32(MATCH_NOISE) * unit
             code = int(reason[y, x])
             if code == VALID:
                 if k == 0 or k == count - 1:
@@ -449,10 +385,6 @@ def accept_winners(winner, costs, reason, left, right, first, count, low, high, 
                     code = INCONSISTENT
                 elif bend <= 0 or (uniqueness > 0 and second <= best * distinct):
                     code = AMBIGUOUS
-                elif second - best < np.float32(TIE) * unit:
-                    code = AMBIGUOUS  # no color tells the two places apart
-                elif mean + floor < chance * (best + floor):
-                    code = AMBIGUOUS  # colors that have nothing to do with each other do as well
             found = np.float32(np.nan)
             if code == VALID:
                 found = first + k + _offset(before, best, after, subpixel)
@@ -469,7 +401,8 @@ def accept_winners(winner, costs, reason, left, right, first, count, low, high, 
                 noise = max(best, one) / independent
                 spread = math.sqrt(noise / bend)
                 deviation[y, x] = spread
-                if _touches_unusable(right[y], column, reach):
-                    # one more unusable column makes a step that tells nothing about the place
-                    bend = min(bend, np.float32(2.0) * (min(before, after) - best))
-                confidence[y, x] = _trust(best, second, mean, bend, unit, independent, chance)
+                confidence[y, x] = _within_one_pixel(spread)
+                # The same noise tells how much more likely the winner is than the next minimum.
+                evidence = (second - best) / noise
+                if evidence < SURE:
+                    confidence[y, x] /= one + math.exp(-evidence)

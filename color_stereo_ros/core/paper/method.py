@@ -75,7 +75,6 @@ class PaperMatcher:
         self._first = int(first) - 1  # one more at each end distinguishes a minimum from a limit
         self._count = int(last - first) + 3
         self._independent = independent_pixels(settings)
-        self._chance = chance_ratio(settings)
         self._buffers = _Buffers(geometry, self._count, settings.matching)
 
     def match(self, pair):
@@ -96,9 +95,7 @@ class PaperMatcher:
         match = self._searched(left, right, reason, buffers.low, buffers.high)  # sec. 2.2, search
         if self._settings.local_limit > 0:
             low, high = self._local_limits(match.disparity)
-            # among few neighbors the mean cost tells nothing
-            mean = buffers.costs[..., 4].copy()
-            match = self._searched(left, right, reason, low, high, mean)
+            match = self._searched(left, right, reason, low, high)
         return match
 
     def _local_limits(self, disparity):
@@ -111,26 +108,22 @@ class PaperMatcher:
         high[known] = np.clip(np.ceil(center[known] + reach) + 1, 3, self._count)
         return low, high
 
-    def _searched(self, left, right, reason, low, high, mean=None):
-        """Return the Match of one search between limits for each pixel; mean: cost, if known."""
+    def _searched(self, left, right, reason, low, high):
+        """Return the Match of one search between limits for each pixel."""
         settings, buffers = self._settings, self._buffers
         kernels.search(
             left, right, self._first, self._count, settings.window_width // 2,
             settings.window_height // 2, low, high, buffers.ring, buffers.sums, buffers.total,
             buffers.ratios, buffers.right_cost, buffers.right_index, buffers.winner,
             buffers.costs)
-        if mean is not None:
-            buffers.costs[..., 4] = mean
         match = Match(disparity=np.empty(reason.shape, np.float32),
                       disparity_std=np.empty(reason.shape, np.float32),
                       confidence=np.empty(reason.shape, np.float32),
                       status=np.empty(reason.shape, np.uint8))
         kernels.accept_winners(
-            buffers.winner, buffers.costs, reason, left, right, self._first, self._count, low,
-            high, settings.left_right_tolerance, settings.uniqueness_ratio,
-            SUBPIXEL_CODES[settings.subpixel], settings.window_width // 2,
-            settings.window_width * settings.window_height, self._independent, self._chance,
-            *self._limits,
+            buffers.winner, buffers.costs, reason, right, self._first, self._count, low, high,
+            settings.left_right_tolerance, settings.uniqueness_ratio,
+            SUBPIXEL_CODES[settings.subpixel], self._independent, *self._limits,
             match.disparity, match.disparity_std, match.confidence, match.status)
         return match
 
@@ -145,22 +138,6 @@ def independent_pixels(settings):
     pixels = settings.matching.window_width * settings.matching.window_height
     area = 4.0 * math.pi * (settings.color.smoothing ** 2 + TUNING.search.mosaic_blur ** 2)
     return max(1.0, pixels / area)
-
-
-def chance_ratio(settings):
-    """
-    Return the ratio of mean and least cost that colors without any match hardly ever reach.
-
-    The fewer independent colors a window holds, the better the best of many places matches by
-    chance. Measured on noise; see TrustTuning.
-
-    """
-    trust = TUNING.trust
-    blur = 2.0 * math.sqrt(math.pi * (settings.color.smoothing ** 2 + trust.noise_blur ** 2))
-    columns = 1.0 + settings.matching.window_width / blur
-    rows = 1.0 + settings.matching.window_height / blur
-    return math.exp(min(trust.chance_excess / (columns * rows) + trust.chance_least,
-                        trust.chance_most))
 
 
 def surrounding_median(disparity):
@@ -235,4 +212,4 @@ class _Buffers:
         self.low = np.zeros((height, width), np.int32)
         self.high = np.full((height, width), count, np.int32)
         self.winner = np.zeros((height, width, 2), np.int32)
-        self.costs = np.zeros((height, width, 5), np.int32)
+        self.costs = np.zeros((height, width, 4), np.int32)

@@ -12,11 +12,6 @@ from ..constants import chosen, constant, Constants, derived, unexplained
 
 FIRST = 'The value of the first version (9569ee0).'
 
-NOISE = ('Images of noise with several windows, smoothings and widths of search: fewer than 1 % '
-         'of the pixels get a range.')
-FIT = ('Maximum likelihood on nine of the twelve path-traced scenes, windows 9 x 9 and 9 x 1; '
-       'left out: those with several periods in the search range.')
-
 
 @dataclass(frozen=True)
 class ColorTuning(Constants):
@@ -24,7 +19,7 @@ class ColorTuning(Constants):
 
     brightness: float = constant(
         255.0, 'DN', 'Sum of the components of a scaled color (lambda of the paper).',
-        derived('Full scale of an 8-bit channel (paper, sec. 2.2).'), compiled=True)
+        derived('Full scale of an 8-bit channel (paper, sec. 2.2).'))
     dark_percentile: float = constant(
         5.0, '%', 'Percentile of the weakest components that is the dark level.',
         unexplained('One component of the pattern is zero, or a shadow shows it. ' + FIRST))
@@ -88,6 +83,9 @@ class SearchTuning(Constants):
     unknown_cost: int = constant(
         2000, 'stored cost', 'Cost of any color against an unusable left pixel.',
         chosen('Colors that are 32 DN apart: it tells no disparity from another.'), compiled=True)
+    sure_evidence: float = constant(
+        16.0, '1', 'Log-likelihood ratio beyond which a winner has no rival.',
+        derived('exp(-16) = 1e-7, less than float32 resolves beside 1.'), compiled=True)
     lanes: int = constant(
         32, '1', 'Disparities are rounded up to a multiple of this.',
         chosen('Vectors without a remainder are up to twice as fast (12a04d7).'), compiled=True)
@@ -109,59 +107,11 @@ class SearchTuning(Constants):
 
 
 @dataclass(frozen=True)
-class TrustTuning(Constants):
-    """Matches by chance, and the confidence; costs are per pixel of the window."""
-
-    tie: float = constant(
-        1.0, 'stored cost', 'A rival that costs less than this more is as good as the winner.',
-        chosen('Colors that are 0.7 DN apart: less than the noise of any camera.'), compiled=True)
-    match_noise: float = constant(
-        20.0, 'stored cost', 'Added to costs before their ratio tells of chance.',
-        chosen('Colors that are 3 DN apart: the noise of a constant color is no pattern.'),
-        compiled=True)
-    noise_blur: float = constant(
-        0.6, 'px', 'Standard deviation of the correlation of images of noise.',
-        chosen(NOISE))
-    chance_excess: float = constant(
-        10.0, '1', 'Log of the ratio of mean and least cost by chance, times the independent '
-        'colors in a window.', chosen(NOISE))
-    chance_least: float = constant(
-        0.12, '1', 'The same log in a very large window.', chosen(NOISE))
-    chance_most: float = constant(
-        3.5, '1', 'Largest log that is asked for.',
-        chosen('A window of one pixel cannot tell chance from a match.'))
-    precision_floor: float = constant(
-        5.0, 'stored cost', 'Difference of the cameras beside the noise, where a match is '
-        'precise.', chosen(FIT), compiled=True)
-    precision_factor: float = constant(
-        1.12, 'px', 'Standard deviation of a match for a noise as large as the bend.',
-        chosen(FIT), compiled=True)
-    precision_power: float = constant(
-        1.15, '1', 'Power of the standard deviation that follows from noise and bend.',
-        chosen(FIT + ' The likelihood hardly depends on it; with 1.15 more than 80 % of the '
-               'pixels with a confidence above .9 are right in each scene of one sweep.'),
-        compiled=True)
-    chance_offset: float = constant(
-        2.602, '1', 'Log-odds of a match that is as good as chance allows.', chosen(FIT),
-        compiled=True)
-    chance_slope: float = constant(
-        0.721, '1', 'Log-odds per log of the ratio beyond that.', chosen(FIT), compiled=True)
-    rival_floor: float = constant(
-        2000.0, 'stored cost', 'Difference of the cameras beside the noise, where a winner has '
-        'a rival.', chosen('Colors that are 32 DN apart. ' + FIT), compiled=True)
-    rival_offset: float = constant(
-        0.338, '1', 'Log-odds against a rival of the same cost.', chosen(FIT), compiled=True)
-    rival_slope: float = constant(
-        3.977, '1', 'Log-odds per log of the ratio of both costs.', chosen(FIT), compiled=True)
-
-
-@dataclass(frozen=True)
 class Tuning(Constants):
     """All constants of the paper's method."""
 
     colors: ColorTuning = ColorTuning()
     search: SearchTuning = SearchTuning()
-    trust: TrustTuning = TrustTuning()
 
 
 TUNING = Tuning()
