@@ -1,18 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo process`: one pair of image files in, depth and points out, without ROS."""
 
+from pathlib import Path
+
 SUMMARY = 'measure one pair of image files: depth, points and pictures into a folder'
+
+
+SAMPLE = Path(__file__).with_name('sample_pair')
+"""The first pair of the recording sample/solids_hue2d, without loss."""
 
 
 def add_arguments(parser):
     """Declare the arguments."""
     from .arguments import add_settings_arguments
-    parser.add_argument('left', help='image of the left camera: PNG, JPEG, TIFF or the like, in '
+    parser.add_argument('left', nargs='?', help='image of the left camera: PNG, JPEG, TIFF or the like, in '
                         'color, as the camera took it')
-    parser.add_argument('right', help='image of the right camera, taken at the same moment')
-    parser.add_argument('--calibration', nargs=2, required=True, metavar=('LEFT', 'RIGHT'),
+    parser.add_argument('right', nargs='?', help='image of the right camera, taken at the same moment')
+    parser.add_argument('--calibration', nargs=2, metavar=('LEFT', 'RIGHT'),
                         help='the camera_info YAML files of both cameras, calibrated as a pair, '
                         'for example by camera_calibration')
+    parser.add_argument('--sample', action='store_true', help='measure the pair that comes with '
+                        'the package, with its calibration and settings')
     parser.add_argument('--output', default='process_output', metavar='FOLDER',
                         help='folder to fill; files of an earlier run are replaced (default '
                         'process_output)')
@@ -25,17 +33,30 @@ def add_arguments(parser):
 
 def run(args):
     """Measure the pair of the command line."""
-    from pathlib import Path
-
     from ..files.claim import claimed
+    complete(args)
     with claimed(Path(args.output), 'process', CONTENT, overwrite=args.overwrite):
         measure(args)
 
 
+def complete(args):
+    """Put the sample of the package into the arguments, or check that a pair is named."""
+    from ..core import SettingsError
+    named = [args.left, args.right, args.calibration]
+    if args.sample:
+        if any(named):
+            raise SettingsError('--sample has images and a calibration of its own; leave out '
+                                'yours')
+        args.left, args.right = (str(SAMPLE / name) for name in ('left.webp', 'right.webp'))
+        args.calibration = [str(SAMPLE / name) for name in ('left.yaml', 'right.yaml')]
+        args.config = args.config or str(SAMPLE / 'settings.yaml')
+    elif not all(named):
+        raise SettingsError('name two images and --calibration LEFT RIGHT, or --sample for the '
+                            'pair that comes with the package')
+
+
 def measure(args):
     """Measure, write and tell."""
-    from pathlib import Path
-
     from ..core import ColorStereo, StereoCalibration
     from ..core.account import doubts_about_images, doubts_about_result
     from ..files.image import read_image
@@ -51,6 +72,7 @@ def measure(args):
         result = stereo.process(left, right)
     output = Path(args.output)
     write_result(output, result, settings.range)
+    write_page(output / PAGE, args, left, right, result, settings.range)
     print(account(result))
     print(f'Written to {output}:')
     for name, content in CONTENT.items():
@@ -83,6 +105,7 @@ def account(result):
     return '\n'.join(['Pixels by status:', *lines])
 
 
+PAGE = 'index.html'
 CONTENT = {
     'depth_mm.png': '16 bit, millimeters, 0 = unknown',
     'depth.tiff': '32 bit float, meters, NaN = unknown',
@@ -91,12 +114,13 @@ CONTENT = {
     'status.png': '8 bit, 0 = valid, otherwise the reason (docs/nodes.md)',
     'range_image.png': 'false colors, near = purple, far = orange',
     'points.ply': 'colored points in meters, rectified left camera',
+    PAGE: 'page for a browser: the pictures, and the points to be turned',
 }
 
 
 def write_result(folder, result, limits):
     """
-    Write a result into a folder, the files of `CONTENT`.
+    Write a result into a folder, the files of `CONTENT` but for the page.
 
     Parameters
     ----------
@@ -122,3 +146,13 @@ def write_result(folder, result, limits):
     for name, image in images.items():
         write_image(folder / name, image)
     save_cloud(folder / 'points.ply', result.points(), result.image)
+
+
+def write_page(path, args, left, right, result, limits):
+    """Write the page about a pair; the colors of its range image have the given limits."""
+    from ..core.false_color import false_color
+    from ..demo.page import make_pair_page
+    from ..files.atomic import write_text
+    colors = false_color(result.depth, limits.min_depth, limits.max_depth)
+    write_text(path, make_pair_page((Path(args.left).name, Path(args.right).name), left, right,
+                                    result, colors))

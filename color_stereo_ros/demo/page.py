@@ -1,11 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of `color_stereo demo`: pictures embedded, so that the file can be sent by mail."""
+"""
+The pages of `color_stereo demo` and `color_stereo process`.
+
+Pictures and points are embedded, so that the file can be sent by mail and needs no network.
+
+"""
 
 from base64 import b64encode
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 import json
+from math import ceil, sqrt
 import re
 from string import Template
 
@@ -20,6 +26,7 @@ from ..evaluation.metrics import Truth, accuracy, false_share
 from .plots import error_plot, shaded, surface_plot
 
 VIEWER_STEP = 2   # px: every second pixel of every second row goes into the 3-D viewer
+VIEWER_PIXELS = 150_000  # of a larger image fewer go, so that the page stays small
 PREVIEW_WIDTH = 560
 OVERVIEW_HEIGHT = 320
 
@@ -58,6 +65,16 @@ class Measurement:
         return np.where(self.truth.visible, error, np.nan)
 
 
+INTRODUCTION = '''<p>A projector throws a color pattern, two color cameras see it, and one pair of images
+gives depth. Everything below went through real ROS 2 topics: <code>pattern_node</code> and <code>range_node</code>
+ran as processes of their own, a recording was played to them, and what they published was collected and compared
+with the truth.</p>'''
+AGAIN = '''<h2>Do it again</h2>
+<p><code>make demo</code> makes this page. By hand, with ROS 2 or in <code>.venv</code>:</p>
+<pre><code>{}</code></pre>'''
+PAIR_INTRODUCTION = '''<p>A projector throws a color pattern, two color cameras see it, and one pair of images
+gives depth. This page shows the pair and what was measured from it; the files beside it hold the numbers.</p>'''
+
 ROWS = (
     ('method', lambda item, _: item.method),
     ('visible pixels with a range', lambda _, found: f'{100 * found["density"]:.1f} %'),
@@ -84,10 +101,41 @@ def make_page(measurements, made, commands):
         Lines that a user can type.
 
     """
+    return _html(INTRODUCTION, made, summary_table(measurements),
+                 '\n'.join(_section(item) for item in measurements),
+                 AGAIN.format(escape(commands)))
+
+
+def make_pair_page(names, left, right, result, range_image):
+    """
+    Return the page about one pair without truth as HTML.
+
+    Parameters
+    ----------
+    names : (str, str)
+        What the two images are called.
+    left, right : numpy.ndarray, uint8, shape (H, W, 3)
+        The raw images, RGB.
+    result : RangeResult
+    range_image : numpy.ndarray, uint8, shape (H, W', 3)
+        RGB.
+
+    """
+    figures = [_figure('', picture, caption) for picture, caption in (
+        (left, 'Left camera, raw: what goes in'), (right, 'Right camera, raw'),
+        (range_image, RANGE_CAPTION), (depth_preview(result.depth), DEPTH_CAPTION))]
+    near, far = surface_limits(result.depth)
+    share = 100 * np.isfinite(result.depth).mean()
+    return _html(PAIR_INTRODUCTION, ' and '.join(names), '', _grid(
+        f'{share:.1f} % of the pixels have a range', result.status,
+        [_viewer('pair', result.points(), result.image, near, far), *figures]), '')
+
+
+def _html(introduction, made, summary, sections, ending):
+    """Return a page; all arguments but `made` are HTML."""
     template = files(__package__).joinpath('demo_page.html').read_text(encoding='utf-8')
-    return Template(template).substitute(
-        made=escape(made), commands=escape(commands), summary=summary_table(measurements),
-        sections='\n'.join(_section(item) for item in measurements))
+    return Template(template).substitute(introduction=introduction, made=escape(made),
+                                         summary=summary, sections=sections, ending=ending)
 
 
 def summary_table(measurements):
@@ -156,27 +204,37 @@ def reasons(status):
                      sorted(shares.items(), key=lambda item: -item[1]) if share >= 0.001)
 
 
+RANGE_CAPTION = '<code>range_image</code>: near = purple, far = orange, black = unknown'
+DEPTH_CAPTION = '<code>depth/image</code>: near = bright'
+
+
 def _section(item):
     near, far = surface_limits(item.result.depth)
     limit = max(3 * 10 * item.figures['median_percent'] * float(np.nanmedian(item.truth.depth))
                 if item.figures['median_percent'] else 1.0, 0.2)
-    pictures = [
-        ('', _encoded(item.left), 'Left camera, raw: what goes in'),
-        ('', _encoded(item.right), 'Right camera, raw'),
-        ('', _encoded(item.pattern), 'What <code>pattern_node</code> tells the projector to show'),
-        ('', _encoded(item.range_image), '<code>range_image</code>: near = purple, far = orange, '
-                                         'black = unknown'),
-        ('', _encoded(depth_preview(item.result.depth)), '<code>depth/image</code>: near = '
-                                                         'bright'),
+    figures = [_figure(*each) for each in (
+        ('', item.left, 'Left camera, raw: what goes in'),
+        ('', item.right, 'Right camera, raw'),
+        ('', item.pattern, 'What <code>pattern_node</code> tells the projector to show'),
+        ('', item.range_image, RANGE_CAPTION),
+        ('', depth_preview(item.result.depth), DEPTH_CAPTION),
         ('plot', error_plot(item.error, limit), 'Against the truth, where both cameras see'),
-        ('plot', surface_plot(item.points, near, far), 'The surface (fig. 3.2 of the paper)'),
-    ]
-    figures = [f'<figure class="{kind}"><img alt="{_plain(caption)}" src="data:image/png;base64,'
-               f'{b64encode(png).decode()}"><figcaption>{caption}</figcaption></figure>'
-               for kind, png, caption in pictures]
-    return (f'<h2>{escape(item.name)}</h2><p class="soft">Pixels without a range: '
-            f'{reasons(item.result.status)}.</p>\n<div class="grid">'
-            + '\n'.join([*figures[:3], _viewer(item, near, far), *figures[3:]]) + '</div>')
+        ('plot', surface_plot(item.points, near, far), 'The surface (fig. 3.2 of the paper)'))]
+    viewer = _viewer(item.name, item.points, item.result.image, near, far)
+    return _grid(item.name, item.result.status, [*figures[:3], viewer, *figures[3:]])
+
+
+def _grid(title, status, figures):
+    """Return a section: a title, why pixels have no range, and figures."""
+    return (f'<h2>{escape(title)}</h2><p class="soft">Pixels without a range: '
+            f'{reasons(status)}.</p>\n<div class="grid">' + '\n'.join(figures) + '</div>')
+
+
+def _figure(kind, picture, caption):
+    """Return a picture, PNG bytes or an image, with its caption as HTML."""
+    png = picture if isinstance(picture, bytes) else _encoded(picture)
+    return (f'<figure class="{kind}"><img alt="{_plain(caption)}" src="data:image/png;base64,'
+            f'{b64encode(png).decode()}"><figcaption>{caption}</figcaption></figure>')
 
 
 def _plain(caption):
@@ -193,23 +251,26 @@ def _encoded(image):
     return cv2.imencode('.png', image[..., ::-1] if image.ndim == 3 else image)[1].tobytes()
 
 
-def _viewer(item, near, far):
-    """Return a canvas with the points, to be turned with the mouse."""
-    step = (slice(None, None, VIEWER_STEP), slice(None, None, VIEWER_STEP))
-    points, known = item.points[step], np.isfinite(item.points[step]).all(axis=2)
+def _viewer(name, points, image, near, far):
+    """Return a canvas with the points (H, W, 3), to be turned with the mouse."""
+    height, width = points.shape[:2]
+    every = max(VIEWER_STEP, ceil(sqrt(height * width / VIEWER_PIXELS)))
+    step = (slice(None, None, every), slice(None, None, every))
+    points = points[step]
+    known = np.isfinite(points).all(axis=2)
     xyz = points[known]
     center = np.median(xyz, axis=0) if xyz.size else np.zeros(3)
     radius = np.percentile(np.abs(xyz - center), 99.9) if xyz.size else 1.0
     scaled = np.clip((xyz - center) / radius, -1, 1) * 32767
     colors = shaded(points, false_color(points[..., 2], near, far, scale_bar=False))
     data = {'xyz': scaled.astype('<i2'), 'depth': colors[known],
-            'camera': item.result.image[step][known]}
+            'camera': image[step][known]}
     text = json.dumps({name: b64encode(np.ascontiguousarray(values).tobytes()).decode()
                        for name, values in data.items()})
     return ('<figure><canvas width="520" height="520" role="img" '
             'aria-label="The measured points in three dimensions" '
-            f'data-cloud="cloud-{escape(item.name)}">'
+            f'data-cloud="cloud-{escape(name)}">'
             f'</canvas><figcaption><code>points</code>, {len(xyz)} of them: drag to turn, wheel '
             'to zoom. <button type="button">Other colors</button></figcaption>'
-            f'<script type="application/json" id="cloud-{escape(item.name)}">{text}</script>'
+            f'<script type="application/json" id="cloud-{escape(name)}">{text}</script>'
             '</figure>')
