@@ -2,6 +2,7 @@
 """`color_stereo demo`: recordings in, range images and point clouds out, over real topics."""
 
 SUMMARY = 'play the sample recordings through both nodes and show what comes out'
+NEEDS = '[tools], [ros]'
 
 
 def add_arguments(parser):

@@ -4,6 +4,7 @@
 from pathlib import Path
 
 SUMMARY = 'measure one pair of image files: depth, points and pictures into a folder'
+NEEDS = ''
 
 
 SAMPLE = Path(__file__).with_name('sample_pair')

@@ -2,6 +2,7 @@
 """`color_stereo render`: what the two cameras of a simulated rig see, and the truth."""
 
 SUMMARY = 'render a scene as the simulated rig sees it, with its truth'
+NEEDS = '[sim]; with `--bag` [tools]'
 
 PERIOD_NS = 100_000_000   # between two frames of a sequence in a recording
 STEPS = 3                 # of the progress bar per frame: left, right, truth
