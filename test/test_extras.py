@@ -125,6 +125,12 @@ def test_a_command_without_an_extra_says_which_one_it_needs(case, inputs):
     assert f'[{extra}]' in cli.find_commands(constant='NEEDS')[case.partition(',')[0]]
 
 
+def test_a_bare_installation_is_told_of_all_that_render_needs(inputs):
+    ran = run(WITHOUT.format(missing=modules_beside()) + COMMAND, 'render', 'card.yaml', 'never',
+              cwd=inputs)
+    assert ran.returncode == 1 and "'.[sim]'" in ran.stderr and 'tools' not in ran.stderr
+
+
 def pack(folder):
     """Make a folder that `color_stereo sample` takes."""
     from color_stereo_ros.files.image import write_image

@@ -92,6 +92,8 @@ def _pattern(args):
 def _frames(args, scene, pattern):
     """Yield the Rendering of every frame, with a progress bar."""
     from ..sim import Renderer
+    from ..sim.variant import load_mitsuba
+    load_mitsuba()  # says what is to be installed, before the progress bar asks for less
     from .progress import Progress
     with Progress(total=STEPS * scene.frames, unit='step', leave=False) as bar:
         for frame in range(scene.frames):
