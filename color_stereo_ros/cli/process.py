@@ -6,7 +6,6 @@ from pathlib import Path
 SUMMARY = 'measure one pair of image files: depth, points and pictures into a folder'
 NEEDS = ''
 
-
 SAMPLE = Path(__file__).with_name('sample_pair')
 """The first pair of the recording sample/solids_hue2d, without loss."""
 
@@ -14,9 +13,10 @@ SAMPLE = Path(__file__).with_name('sample_pair')
 def add_arguments(parser):
     """Declare the arguments."""
     from .arguments import add_settings_arguments
-    parser.add_argument('left', nargs='?', help='image of the left camera: PNG, JPEG, TIFF or the like, in '
-                        'color, as the camera took it')
-    parser.add_argument('right', nargs='?', help='image of the right camera, taken at the same moment')
+    parser.add_argument('left', nargs='?', help='image of the left camera: PNG, JPEG, TIFF or '
+                        'the like, in color, as the camera took it')
+    parser.add_argument('right', nargs='?', help='image of the right camera, taken at the same '
+                        'moment')
     parser.add_argument('--calibration', nargs=2, metavar=('LEFT', 'RIGHT'),
                         help='the camera_info YAML files of both cameras, calibrated as a pair, '
                         'for example by camera_calibration')

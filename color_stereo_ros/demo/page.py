@@ -65,15 +65,16 @@ class Measurement:
         return np.where(self.truth.visible, error, np.nan)
 
 
-INTRODUCTION = '''<p>A projector throws a color pattern, two color cameras see it, and one pair of images
-gives depth. Everything below went through real ROS 2 topics: <code>pattern_node</code> and <code>range_node</code>
-ran as processes of their own, a recording was played to them, and what they published was collected and compared
-with the truth.</p>'''
+INTRODUCTION = '''<p>A projector throws a color pattern, two color cameras see it, and one pair of
+images gives depth. Everything below went through real ROS 2 topics: <code>pattern_node</code> and
+<code>range_node</code> ran as processes of their own, a recording was played to them, and what
+they published was collected and compared with the truth.</p>'''
 AGAIN = '''<h2>Do it again</h2>
 <p><code>make demo</code> makes this page. By hand, with ROS 2 or in <code>.venv</code>:</p>
 <pre><code>{}</code></pre>'''
-PAIR_INTRODUCTION = '''<p>A projector throws a color pattern, two color cameras see it, and one pair of images
-gives depth. This page shows the pair and what was measured from it; the files beside it hold the numbers.</p>'''
+PAIR_INTRODUCTION = '''<p>A projector throws a color pattern, two color cameras see it, and one
+pair of images gives depth. This page shows the pair and what was measured from it. The files
+beside it hold the numbers.</p>'''
 
 ROWS = (
     ('method', lambda item, _: item.method),
