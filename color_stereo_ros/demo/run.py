@@ -11,7 +11,10 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 
-from ..core import RangeResult, RecordingError, Settings, StereoCalibration
+from ..core import RangeResult, RecordingError, StereoCalibration
+from ..core.false_color import range_limits
+from ..core.legends import with_scale_bar
+from ..core.settings import updated
 from ..core.triangulation import disparity_from_depth, disparity_limits
 from ..evaluation.datasets import load_truth
 from ..files.atomic import write_bytes, write_text
@@ -23,14 +26,16 @@ from ..messages.reading import image_to_rgb
 from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
 from ..nodes.sensor.worker import COMPILING, READY
 from ..parameters.files import read_settings
+from ..parameters.groups import RangeNodeSettings
 from ..recordings.reading import Recording
 from .layout import RECORDING, SETTINGS, TRUTH
-from .page import depth_preview, make_page, Measurement, one_line, overview, surface_limits
+from .page import (DEFAULT_METHOD, depth_preview, make_page, Measurement, one_line, overview,
+                   page_limits)
 from .plots import surface_plot
 
 OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
            'disparity': DisparityImage, 'range_image': Image, 'confidence/image': Image,
-           'status/image': Image}
+           'status/image': Image, 'status_picture': Image}
 
 LOG = 'log'
 MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
@@ -80,14 +85,19 @@ class Demo:
         self._make_room()
         write_text(self.output / MARK,
                    'Made by `color_stereo demo`, which replaces this folder.\n')
+        samples = default_first(self.samples)
         with ros_node('color_stereo_demo') as node:
-            measurements = [self._measure(node, folder) for folder in self.samples]
+            measurements = [self._measure(node, folder) for folder in samples]
         self._say('writing the page')
-        write_image(self.output / 'overview.png', overview(measurements[-1]))
+        limits = page_limits(measurements)
+        for measurement in measurements:
+            write_bytes(self.output / measurement.name / 'surface.png',
+                        surface_plot(measurement.points, *limits))
+        write_image(self.output / 'overview.png', overview(measurements[0], limits))
         page = self.output / 'index.html'
         made = (f'Made on {datetime.now():%Y-%m-%d %H:%M} with {os.cpu_count()} processor cores, '
                 f'Python {platform.python_version()}.')
-        first = self.samples[0]
+        first = samples[0]
         write_text(page, make_page(measurements, made, COMMANDS.format(
             recording=first / RECORDING, settings=first / SETTINGS)))
         return page
@@ -118,12 +128,13 @@ class Demo:
         """Return the measurement of one sample and write its files."""
         left, right, calibration = first_pair(folder / RECORDING)
         truth = load_truth(folder / TRUTH)
-        settings = Settings().updated(read_settings(folder / SETTINGS))
+        settings = settings_of(folder)
         messages, pattern, seconds = self._play(node, folder)
         result = result_from(messages, calibration, settings)
         measurement = Measurement(
             name=folder.name, method=settings.matching.method, left=left, right=right,
-            pattern=pattern, range_image=image_to_rgb(messages['range_image']), result=result,
+            pattern=pattern, range_image=labeled(messages['range_image'], result, settings),
+            status_picture=image_to_rgb(messages['status_picture']), result=result,
             points=points_from(messages['points']), truth=truth, seconds=seconds)
         self._say(f'{folder.name}: {one_line(measurement)}')
         write_files(self.output / folder.name, measurement)
@@ -169,6 +180,23 @@ class Demo:
             'nothing came on '
             f'{", ".join(missing) or "no topic, but never all of one stamp"}. range_node said:\n'
             f'{processes.log_tail(f"{name}_range_node")}')
+
+
+def settings_of(folder):
+    """Return the RangeNodeSettings of a sample."""
+    return updated(RangeNodeSettings(), read_settings(folder / SETTINGS, RangeNodeSettings()))
+
+
+def default_first(samples):
+    """Return the folders of samples, those of the default method before the others."""
+    return sorted(samples, key=lambda folder: (
+        settings_of(folder).matching.method != DEFAULT_METHOD, folder.name))
+
+
+def labeled(message, result, settings):
+    """Return a published range image with its scale bar, RGB."""
+    limits = range_limits(result.depth, settings.range, settings.output.range_limits)
+    return with_scale_bar(image_to_rgb(message), *limits, settings.output.range_colors)
 
 
 def is_compiling(log):
@@ -228,11 +256,10 @@ def result_from(messages, calibration, settings):
 
 
 def write_files(folder, measurement):
-    """Write pictures, depth and points of a measurement into a folder."""
+    """Write what does not depend on the other measurements into a folder."""
     result = measurement.result
-    near, far = surface_limits(result.depth)
     write_image(folder / 'range_image.png', measurement.range_image)
     write_image(folder / 'depth_mm.png', millimeters(result.depth))
     write_image(folder / 'depth_preview.png', depth_preview(result.depth))
-    write_bytes(folder / 'surface.png', surface_plot(measurement.points, near, far))
+    write_image(folder / 'status.png', measurement.status_picture)
     save_cloud(folder / 'points.ply', measurement.points, result.image)
