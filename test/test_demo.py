@@ -143,6 +143,40 @@ class Log:
         """Nothing has ended."""
 
 
+class States(Log):
+    """The log of a range_node that is in one state after the other, a look at each."""
+
+    def __init__(self, states):
+        self.states = iter(states)
+
+    def log(self, name):
+        """Return what was written until now; it stays ready."""
+        return next(self.states, f'{COMPILING} {READY} 9.0 s')
+
+
+@pytest.mark.parametrize('states, looks, message', [
+    ([], 3, 'within 6 s'),                        # ready when first looked at
+    ([''] * 10, 13, 'within 6 s'),                # the start is slow
+    (['', COMPILING], 5, 'within 6 s'),           # it compiles while the demo looks
+    (['', *[COMPILING] * 50], 54, 'within 6 s'),
+    ([''] * 99, 40, 'range_node was not ready after 120 s')])
+def test_the_wait_begins_when_the_node_is_ready(tmp_path, monkeypatch, states, looks, message):
+    """Looks take 3 s and the demo waits 6 s, which is two looks after the first "ready"."""
+    now = [0.0]
+
+    def spin(node, condition, timeout, check):
+        now[0] += timeout
+        return False
+
+    (tmp_path / 'card/recording').mkdir(parents=True)
+    monkeypatch.setattr(demo_module, 'spin_until', spin)
+    monkeypatch.setattr(demo_module.time, 'monotonic', lambda: now[0])
+    demo = demo_module.Demo(tmp_path, tmp_path / 'output', 6.0)
+    with pytest.raises(LiveError, match=message):
+        demo._wait(None, States(states), 'card', None, SimpleNamespace(received={}), [])
+    assert now[0] == 3.0 * looks
+
+
 @pytest.mark.parametrize('comes', [True, False])
 def test_the_time_in_which_kernels_compile_does_not_count(
         tmp_path, monkeypatch, capsys, comes):

@@ -39,6 +39,7 @@ OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': Poin
 
 LOG = 'log'
 MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
+SLOWEST_START = 120.0  # s from the start of range_node to "ready", kernels loaded, not compiled
 NOTE_EVERY = 3.0  # s between two signs that the demo goes on
 
 COMMANDS = """\
@@ -57,7 +58,7 @@ class Demo:
     ----------
     samples, output : Path
     wait : float
-        s that a node may take until its first output.
+        s that range_node may take from being ready to its first complete output.
 
     Raises
     ------
@@ -162,24 +163,36 @@ class Demo:
         return messages, image_to_rgb(patterns[-1]), seconds
 
     def _wait(self, node, processes, name, condition, collector, patterns):
-        """Spin until the condition holds; the time in which kernels compile does not count."""
-        left = self.wait
+        """
+        Spin until the condition holds.
+
+        `wait` begins when range_node is ready. Before that it may take SLOWEST_START to start,
+        however short `wait` is, and any time to compile its kernels. A look in which it goes from
+        one of these to the next does not count.
+
+        """
+        left, before = max(self.wait, SLOWEST_START), waiting_for('')
         while left > 0:
-            compiling = is_compiling(processes.log(f'{name}_range_node'))
             begin = time.monotonic()
             if spin_until(node, condition, min(NOTE_EVERY, left), processes.check):
                 return
-            if not compiling:
+            log = processes.log(f'{name}_range_node')
+            if waiting_for(log) != before:
+                left, before = self.wait, waiting_for(log)
+            elif not is_compiling(log):
                 left -= time.monotonic() - begin
-            self._note(f'{name}: {waiting_for(processes.log(f"{name}_range_node"))}')
+            self._note(f'{name}: {before}')
         self._say(f'{name}: giving up')
+        said = f'range_node said:\n{processes.log_tail(f"{name}_range_node")}'
+        if before == waiting_for(''):
+            raise LiveError(f'{name}: range_node was not ready after '
+                            f'{max(self.wait, SLOWEST_START):.0f} s. {said}')
         missing = [topic for topic, count in collector.received.items() if not count]
         missing += [] if patterns else ['pattern/image']
         raise LiveError(
             f'{name}: no complete output within {self.wait:.0f} s (--wait SECONDS waits longer); '
             'nothing came on '
-            f'{", ".join(missing) or "no topic, but never all of one stamp"}. range_node said:\n'
-            f'{processes.log_tail(f"{name}_range_node")}')
+            f'{", ".join(missing) or "no topic, but never all of one stamp"}. {said}')
 
 
 def settings_of(folder):
