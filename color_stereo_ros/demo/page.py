@@ -248,6 +248,7 @@ def _viewer(item, limits):
             'aria-label="The measured points in three dimensions" '
             f'data-cloud="cloud-{escape(item.name)}">'
             f'</canvas><figcaption><code>points</code>, {len(xyz)} of them in the colors of '
-            'the depth: drag to turn, wheel to zoom. <button type="button">Other colors</button></figcaption>'
+            'the depth: drag to turn, wheel to zoom. '
+            '<button type="button">Other colors</button></figcaption>'
             f'<script type="application/json" id="cloud-{escape(item.name)}">{text}</script>'
             '</figure>')
