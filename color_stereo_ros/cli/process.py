@@ -12,6 +12,7 @@ SAMPLE = Path(__file__).with_name('sample_pair')
 
 def add_arguments(parser):
     """Declare the arguments."""
+    from ..parameters.groups import ProcessSettings
     from .arguments import add_settings_arguments
     parser.add_argument('left', nargs='?', help='image of the left camera: PNG, JPEG, TIFF or '
                         'the like, in color, as the camera took it')
@@ -29,7 +30,7 @@ def add_arguments(parser):
                         'are not of an earlier run, too')
     parser.add_argument('--rectified', action='store_true', help='the images are rectified '
                         'already: only P of the calibration is used')
-    add_settings_arguments(parser)
+    add_settings_arguments(parser, settings=ProcessSettings())
 
 
 def run(args):
@@ -61,19 +62,20 @@ def measure(args):
     from ..core import ColorStereo, StereoCalibration
     from ..core.account import doubts_about_images, doubts_about_result
     from ..files.image import read_image
+    from ..parameters.groups import ProcessSettings
     from ..patience import patience
     from .arguments import settings_from
-    settings = settings_from(args)
+    settings = settings_from(args, ProcessSettings())
     calibration = StereoCalibration.from_yaml(*args.calibration)
     left, right = read_image(args.left), read_image(args.right)
     warn_of(doubts_about_images(left, right))
     with patience():
-        stereo = ColorStereo(calibration, settings, rectified_input=args.rectified)
+        stereo = ColorStereo(calibration, settings.core, rectified_input=args.rectified)
     with patience('measuring'):
         result = stereo.process(left, right)
     output = Path(args.output)
-    write_result(output, result, settings.range)
-    write_page(output / PAGE, args, left, right, result, settings.range)
+    write_result(output, result, settings)
+    write_page(output / PAGE, args, left, right, result, settings)
     print(account(result))
     print(f'Written to {output}:')
     for name, content in CONTENT.items():
@@ -112,14 +114,15 @@ CONTENT = {
     'depth.tiff': '32 bit float, meters, NaN = unknown',
     'depth_std.tiff': '32 bit float, standard deviation of the depth in meters',
     'confidence.png': '8 bit, 255 = 1',
-    'status.png': '8 bit, 0 = valid, otherwise the reason (docs/nodes.md)',
-    'range_image.png': 'false colors, near = purple, far = orange',
+    'status_codes.png': '8 bit, 0 = valid, otherwise the code of the reason (docs/nodes.md)',
+    'status.png': 'the same for people: one color for each reason, with a legend',
+    'range_image.png': 'false colors of the depth with a scale bar, black = unknown',
     'points.ply': 'colored points in meters, rectified left camera',
     PAGE: 'page for a browser: the pictures, and the points to be turned',
 }
 
 
-def write_result(folder, result, limits):
+def write_result(folder, result, settings):
     """
     Write a result into a folder, the files of `CONTENT` but for the page.
 
@@ -127,33 +130,38 @@ def write_result(folder, result, limits):
     ----------
     folder : Path
     result : RangeResult
-    limits : RangeSettings
-        Limits of the false colors.
+    settings : ProcessSettings
+        Colors and limits of the range image.
 
     """
     import numpy as np
 
-    from ..core.false_color import false_color
+    from ..core.false_color import false_color, range_limits, status_picture
+    from ..core.legends import with_scale_bar, with_status_legend
     from ..files.cloud import save_cloud
     from ..files.image import write_image
     from ..messages.outputs import millimeters
+    picture = settings.output
+    limits = range_limits(result.depth, settings.range, picture.range_limits)
+    colors = false_color(result.depth, *limits, picture.range_colors)
     images = {
         'depth_mm.png': millimeters(result.depth),
         'depth.tiff': result.depth,
         'depth_std.tiff': result.depth_std,
         'confidence.png': np.rint(255 * result.confidence).astype(np.uint8),
-        'status.png': result.status,
-        'range_image.png': false_color(result.depth, limits.min_depth, limits.max_depth)}
+        'status_codes.png': result.status,
+        'status.png': with_status_legend(status_picture(result.status)),
+        'range_image.png': with_scale_bar(colors, *limits, picture.range_colors)}
     for name, image in images.items():
         write_image(folder / name, image)
     save_cloud(folder / 'points.ply', result.points(), result.image)
 
 
-def write_page(path, args, left, right, result, limits):
-    """Write the page about a pair; the colors of its range image have the given limits."""
-    from ..core.false_color import false_color
+def write_page(path, args, left, right, result, settings):
+    """Write the page about a pair; its colors have the limits of the range image."""
+    from ..core.false_color import range_limits
     from ..demo.page import make_pair_page
     from ..files.atomic import write_text
-    colors = false_color(result.depth, limits.min_depth, limits.max_depth)
+    limits = range_limits(result.depth, settings.range, settings.output.range_limits)
     write_text(path, make_pair_page((Path(args.left).name, Path(args.right).name), left, right,
-                                    result, colors))
+                                    result, limits))
