@@ -127,7 +127,7 @@ class PaperMatcher:
             settings.left_right_tolerance, settings.uniqueness_ratio,
             SUBPIXEL_CODES[settings.subpixel], self._independent, *self._limits,
             match.disparity, match.disparity_std, match.status)
-        self._support.judge(match, right, self._first, low, high, buffers.costs)
+        self._support.judge(match, right, self._first, low, high)
         return match
 
 

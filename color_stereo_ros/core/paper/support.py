@@ -31,7 +31,7 @@ class Support:
         self._counts = np.zeros((3, *shape), np.int32)
         self._around = np.zeros((3, *shape), np.int32)
 
-    def judge(self, match, right, first, low, high, costs):
+    def judge(self, match, right, first, low, high):
         """
         Refuse matches by chance and write the confidence of the others.
 
@@ -45,8 +45,6 @@ class Support:
             Disparity of index 0.
         low, high : numpy.ndarray, int32, shape (H, W)
             First index that was searched, and the one after the last.
-        costs : numpy.ndarray, int32, shape (H, W, 4)
-            Of `kernels.search`.
 
         """
         step_x, step_y = self._step
@@ -57,7 +55,7 @@ class Support:
         for counts, around in zip(self._counts, self._around):
             cv2.boxFilter(counts, -1, size, dst=around, normalize=False,
                           borderType=cv2.BORDER_CONSTANT)
-        support_kernels.judge(costs, agreeing, known, *self._around, step_x * step_y,
+        support_kernels.judge(agreeing, known, *self._around, step_x * step_y,
                               match.disparity, match.disparity_std, match.confidence,
                               match.status)
 

@@ -16,7 +16,7 @@ SHARE_UNIT = TUNING.support.share_unit
 LEAST_EVIDENCE = TUNING.support.least_evidence
 LEAST_PROBABILITY = TUNING.support.least_probability
 PRECISION = TUNING.support.precision
-OFFSET, BY_DEVIATION, BY_RIVAL, BY_OWN, BY_AROUND = TUNING.support.odds
+OFFSET, BY_DEVIATION, BY_SUPPORT = TUNING.support.odds
 
 # Directions to neighboring windows, and the steps to the two neighbors of a triple.
 DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
@@ -116,21 +116,25 @@ def _evidence(share, chance):
 
 
 @serial(error_model='python')
-def _log_odds(part, whole):
-    """Return the log-odds of a share; half a case is added to either side."""
-    half = np.float32(0.5)
-    return math.log((part + half) / (whole - part + half))
+def _confidence(deviation, agreeing, known):
+    """Return the probability that a match is right within 1 px: the more support, the more."""
+    half, one = np.float32(0.5), np.float32(1.0)
+    precision = math.log(deviation + np.float32(PRECISION))
+    support = math.log((agreeing + half) / (known - agreeing + half))
+    odds = (np.float32(OFFSET) + np.float32(BY_DEVIATION) * precision
+            + np.float32(BY_SUPPORT) * support)
+    return one / (one + math.exp(-np.float32(odds)))
 
 
 @parallel(error_model='python')
-def judge(costs, agreeing, known, agreeing_around, known_around, expected_around, places,
+def judge(agreeing, known, agreeing_around, known_around, expected_around, places,
           disparity, deviation, confidence, status):
     """
     Refuse matches in surroundings that agree no better than chance, rate the others.
 
-    Reads costs (H, W, 4) of the search, the counts of each pixel and their sums over its
-    surroundings, and the number of pixels in which windows are one beside the other; changes
-    disparity and deviation, writes confidence (H, W), changes status.
+    Reads the counts of each pixel and their sums over its surroundings, int32 (H, W), and
+    places, the number of pixels from one independent window to the next; changes disparity,
+    deviation and status, writes confidence, (H, W).
 
     """
     height, width = status.shape
@@ -149,15 +153,5 @@ def judge(costs, agreeing, known, agreeing_around, known_around, expected_around
                     disparity[y, x] = np.nan
                     deviation[y, x] = np.nan
                 else:
-                    best, rival = np.float32(costs[y, x, 1]), np.float32(costs[y, x, 3])
-                    odds = (np.float32(OFFSET)
-                            + np.float32(BY_DEVIATION) * math.log(
-                                deviation[y, x] + np.float32(PRECISION))
-                            + np.float32(BY_RIVAL) * math.log(
-                                (rival + np.float32(1.0)) / (best + np.float32(1.0)))
-                            + np.float32(BY_OWN) * _log_odds(
-                                np.float32(agreeing[y, x]), np.float32(known[y, x]))
-                            + np.float32(BY_AROUND) * _log_odds(
-                                share * whole / places, whole / places))
-                    confidence[y, x] = np.float32(1.0) / (
-                        np.float32(1.0) + math.exp(-np.float32(odds)))
+                    confidence[y, x] = _confidence(
+                        deviation[y, x], np.float32(agreeing[y, x]), np.float32(known[y, x]))
