@@ -105,22 +105,40 @@ def count_agreements(disparity, right, first, low, high, step_x, step_y, agreein
 
 
 @serial(error_model='python')
-def _evidence(share, chance):
-    """Return the evidence of one trial against chance (Chernoff bound, -log of probability)."""
+def _evidence(share, chance, enough):
+    """
+    Return the evidence of one trial against chance (Chernoff bound, -log of probability).
+
+    Where a lower bound (Pinsker's inequality) is enough, it is returned: it needs no logarithm.
+
+    """
     if share <= chance:
         return np.float32(0.0)
+    bound = np.float32(2.0) * (share - chance) * (share - chance)
+    if bound >= enough:
+        return bound
     evidence = share * math.log(share / chance)
     if share < 1:
         evidence += (1 - share) * math.log((1 - share) / (1 - chance))
     return np.float32(evidence)
 
 
+def _support_odds():
+    """Return the log-odds of agreement for all counts, float32 (pairs + 1, pairs + 1)."""
+    pairs = len(DIRECTIONS) * len(PLACES)
+    agreeing, known = np.indices((pairs + 1, pairs + 1), np.float32)
+    return np.log((agreeing + 0.5) / (np.maximum(known - agreeing, 0) + 0.5)).astype(np.float32)
+
+
+SUPPORT_ODDS = _support_odds()
+
+
 @serial(error_model='python')
 def _confidence(deviation, agreeing, known):
     """Return the probability that a match is right within 1 px: the more support, the more."""
-    half, one = np.float32(0.5), np.float32(1.0)
+    one = np.float32(1.0)
     precision = math.log(deviation + np.float32(PRECISION))
-    support = math.log((agreeing + half) / (known - agreeing + half))
+    support = SUPPORT_ODDS[agreeing, known]
     odds = (np.float32(OFFSET) + np.float32(BY_DEVIATION) * precision
             + np.float32(BY_SUPPORT) * support)
     return one / (one + math.exp(-np.float32(odds)))
@@ -148,10 +166,11 @@ def judge(agreeing, known, agreeing_around, known_around, expected_around, place
                 chance = np.float32(expected_around[y, x]) / max(
                     whole * np.float32(SHARE_UNIT), np.float32(1.0))
                 chance = min(max(chance, np.float32(LEAST_PROBABILITY)), np.float32(0.999))
-                if whole / places * _evidence(share, chance) < np.float32(LEAST_EVIDENCE):
+                enough = np.float32(LEAST_EVIDENCE) * places / max(whole, np.float32(1.0))
+                if whole == 0 or _evidence(share, chance, enough) < enough:
                     status[y, x] = NO_MATCH
                     disparity[y, x] = np.nan
                     deviation[y, x] = np.nan
                 else:
                     confidence[y, x] = _confidence(
-                        deviation[y, x], np.float32(agreeing[y, x]), np.float32(known[y, x]))
+                        deviation[y, x], agreeing[y, x], known[y, x])
