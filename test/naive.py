@@ -194,7 +194,7 @@ def evidence(share, chance):
 
 def support_verdict(agreeing, known, expected, places, own_agreeing, own_known, deviation):
     """Return the confidence of a match, 0 if its surroundings agree by chance."""
-    chance = min(max(expected / max(256 * known, 1), 1e-3), 0.999)
+    chance = min(max(expected / max(256 * known, 1), 1e-3), 1 - 1e-3)
     if known / places * evidence(agreeing / max(known, 1), chance) < 5:
         return 0.0
     odds = (0.45 - 0.78 * math.log(deviation + 0.02)

@@ -45,6 +45,7 @@ GLOBALS = {
     'SIZE',               # of any small rig
     'ESTIMATE',           # a word of the settings
     'SUBPIXEL_CODES',     # names of modes
+    'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
 SOURCES = [path for room in ('surface', 'paper') for path in sorted((CORE / room).glob('*.py'))
            if path.name not in ('tuning.py', 'fitted.py')] + [CORE / 'account.py']

@@ -165,7 +165,8 @@ def judge(agreeing, known, agreeing_around, known_around, expected_around, place
                 share = np.float32(agreeing_around[y, x]) / max(whole, np.float32(1.0))
                 chance = np.float32(expected_around[y, x]) / max(
                     whole * np.float32(SHARE_UNIT), np.float32(1.0))
-                chance = min(max(chance, np.float32(LEAST_PROBABILITY)), np.float32(0.999))
+                chance = min(max(chance, np.float32(LEAST_PROBABILITY)),
+                             np.float32(1.0) - np.float32(LEAST_PROBABILITY))
                 enough = np.float32(LEAST_EVIDENCE) * places / max(whole, np.float32(1.0))
                 if whole == 0 or _evidence(share, chance, enough) < enough:
                     status[y, x] = NO_MATCH
