@@ -106,6 +106,7 @@ def test_an_odd_pair_is_doubted_in_the_diagnostics_and_once_in_the_log(rig, chan
     parts = rig.feed(lambda p: words in p['range images'].message, words)
     assert parts['range images'].level == DiagnosticStatus.WARN
     timer = rig.node.create_timer(0.1, rig.send_pair)
+    rig.spin_until(lambda: words in rig.process.text()[before:], 'the log')
     rig.spin(1.5)
     rig.node.destroy_timer(timer)
     assert rig.process.text()[before:].count(words) == 1

@@ -98,7 +98,7 @@ def test_confidence_status_and_deviation_equal_the_core_bit_for_bit(rig):
 
 
 def test_points_are_the_back_projection_with_p_of_depth_camera_info(rig):
-    rig.calibration = calibration(verged=0.1)
+    rig.calibration = calibration(verged=0.05)
     rig.first_output('points')
     outputs = all_outputs(rig)
     p = outputs['depth/camera_info'].p.reshape(3, 4)
@@ -250,7 +250,7 @@ def test_the_compact_cloud_holds_the_known_points_only(rig):
 
 
 def test_the_camera_frame_gives_points_rotated_by_r_transposed(rig):
-    rig.calibration = calibration(verged=0.2)
+    rig.calibration = calibration(verged=0.05)
     assert rig.set_parameters(output__frame='camera').successful
     rig.send_pair()
     rig.spin(0.5)

@@ -252,7 +252,7 @@ def test_without_mitsuba_the_extra_is_named():
             '    print(error)\n')
     said = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True,
                           env={**os.environ, 'COLOR_STEREO_SIM_VARIANT': 'scalar_rgb'}).stdout
-    assert 'extra [sim]' in said and 'Mitsuba' in said
+    assert "pip install '.[sim]'" in said and 'Mitsuba' in said
 
 
 def test_a_useless_llvm_library_leads_to_the_scalar_variant(tmp_path):
