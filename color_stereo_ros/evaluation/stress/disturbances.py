@@ -167,7 +167,7 @@ _wired('white_balance', 'blue of both', 'x', BOTH, 'sensitivity', 2, 0.5, of=_se
              'share', 0.5, 1)
 def _shading(rig, level):
     def gains(y, x):
-        place = (1 + 0.7 * x + 0.3 * y + 0.35 * (x * x - 0.5)) / 2
+        place = (1 + x + 0.3 * (1 - x * x) + 0.2 * y) / 2
         return np.exp(level * (place * np.log(RIGHT_GAINS) + (1 - place) * np.log(LEFT_GAINS)))
     rig.right.gains.append(gains)
 

@@ -23,6 +23,7 @@ from . import patterns
 FORMAT = 1     # raised when the meaning of kept files changes
 SCALE = 2      # fine pixels in each pixel along either axis
 MARGIN = 28    # px around the image: mountings move it by up to 20 px
+BORDER = 1e-3  # px, rounding at the border of an image
 SAMPLES = 2    # per fine pixel along either axis
 OBJECT = 0.075      # m, radius of the cylinder around the middle of the scene that can be recolored
 PRINT = (0.003, 0.03)  # m, shortest and longest wave of the print in space
@@ -93,12 +94,15 @@ class LightScene:
                                           self.calibration.right)
         last = np.array([geometry.width - 1, geometry.height - 1])
         inside = np.zeros(known.shape, bool)
-        inside[known] = (((raw >= 0) & (raw <= last)).all(axis=1)
-                         & ((place >= -1e-3) & (place <= last + 1e-3)).all(axis=1))
+        inside[known] = (_inside(raw, last) & _inside(place, last)).all(axis=1)
         disparity = np.full(known.shape, np.nan)
         disparity[known] = column[known] - place[:, 0]
         return Truth(depth=self.depth, disparity=disparity, lit=self.lit & self.in_left,
                      visible=self.in_left & self.clear & self.lit & inside)
+
+
+def _inside(places, last):
+    return (places >= -BORDER) & (places <= last + BORDER)
 
 
 class LightScenes:

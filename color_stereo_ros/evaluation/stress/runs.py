@@ -130,8 +130,13 @@ class StressTest:
         truth = shots.truth(rig.mounting)
         if rig.swap is None:
             return pair, truth
+        return rig.swap(*pair, self._other(shots, number)), without(truth)
+
+    def _other(self, shots, number):
+        """Return the right view of another scene; where there is none, the mirrored one."""
         other = self.shots[(self.shots.index(shots) + 1) % len(self.shots)]
-        return rig.swap(*pair, other.pair(DISTURBANCES['none'].rig(1), number)[1]), without(truth)
+        right = other.pair(DISTURBANCES['none'].rig(1), number)[1]
+        return right if other is not shots else np.ascontiguousarray(right[:, ::-1])
 
     def _matchers(self, rig, scene, count):
         """Return (method, function of a raw pair, whether only the last pair is worth it)."""

@@ -164,7 +164,7 @@ def streak(along, down):
 def _scattered(light, distance, scene):
     """Scale red and blue about the middle so that they lie so many px apart in the corners."""
     height, width = light.shape[:2]
-    corner = np.hypot(width, height) / (2 * scene.scale) - np.sqrt(2) * scene.margin
+    corner = np.hypot(*(size / scene.scale - 2 * scene.margin for size in (width, height))) / 2
     light = light.copy()
     for channel, share in ((0, -0.5), (2, 0.5)):
         factor = 1 + share * distance / corner
