@@ -77,10 +77,18 @@ def by_rays(calibration, mounting, pixels):
     K[1, 2] += mounting.rows
     D[0] += mounting.k1
     raw = cv2.projectPoints(point.T.copy(), np.zeros(3), np.zeros(3), K, D)[0]
-    return cv2.undistortPoints(raw, camera.K, camera.D, R=camera.R, P=camera.P,
-                               criteria=(3, 100, 1e-12))[:, 0] if hasattr(
-        cv2, 'undistortPointsIter') is False else cv2.undistortPointsIter(
-        raw, camera.K, camera.D, camera.R, camera.P, (3, 100, 1e-12))[:, 0]
+    point = camera.P[:, :3] @ camera.R @ undistorted(raw, camera)
+    return (point[:2] / point[2]).T
+
+
+def undistorted(raw, camera):
+    """Return rays (3, N) of raw pixels (N, 1, 2), by Newton's method on OpenCV's projection."""
+    rays = np.column_stack([(raw[:, 0] - camera.K[:2, 2]) / np.diag(camera.K)[:2],
+                            np.ones(len(raw))])
+    for _ in range(50):
+        again = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), camera.K, camera.D)[0]
+        rays[:, :2] += (raw - again)[:, 0] / np.diag(camera.K)[:2]
+    return rays.T
 
 
 MOUNTINGS = [Mounting(), Mounting(rows=1.0), Mounting(columns=-2.0), Mounting(roll=0.5),

@@ -72,6 +72,11 @@ def _boolean(text):
     return text.lower() == 'true'
 
 
+def named(text):
+    """Return the names in a list that is separated by commas."""
+    return tuple(name.strip() for name in (text or '').split(',') if name.strip())
+
+
 def given_settings(args, settings=Settings()):
     """Return what `--config` and the options set, a dict of flat names to values."""
     given = read_settings(args.config, settings, args.config_nodes) if args.config else {}

@@ -106,6 +106,7 @@ def add_arguments(parser):
 def run(args):
     """Evaluate folders, the stages of a method, or run the experiments of the report."""
     from ..evaluation.methods import checked_methods
+    from .arguments import named
     args.methods = args.methods or (STRESS_METHODS if args.stress else DEFAULT_METHODS)
     methods = checked_methods(named(args.methods))
     check_arguments(args)
@@ -127,7 +128,7 @@ def run(args):
             run_folders(args, methods)
         elif args.stress:
             from .stress import run_stress
-            run_stress(args, methods, facts_of(args))
+            run_stress(args, methods, folder_values(args), facts_of(args))
         else:
             run_experiments(args, methods)
 
@@ -251,11 +252,6 @@ def facts_of(args):
     return {'command': 'color_stereo evaluate ' + ' '.join(map(str, args.folders)),
             'methods': args.methods, 'plan': 'quick' if args.quick else 'full',
             'seed': args.seed, 'processors': os.cpu_count()}
-
-
-def named(text):
-    """Return the names in a list that is separated by commas."""
-    return tuple(name.strip() for name in (text or '').split(',') if name.strip())
 
 
 def parsed_settings(assignments):

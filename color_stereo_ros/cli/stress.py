@@ -15,7 +15,7 @@ def print_disturbances():
         print(f'{name:18}{entry.group:12}{entry.title}: {levels} {entry.unit}'.rstrip())
 
 
-def run_stress(args, methods, facts):
+def run_stress(args, methods, values, facts):
     """
     Run the stress test of a command line; print the table, write the page and the numbers.
 
@@ -25,13 +25,15 @@ def run_stress(args, methods, facts):
         Of `color_stereo evaluate`.
     methods : sequence of str
         The first one is judged.
+    values : dict
+        Flat settings that override those of the scenes.
     facts : dict
         What a reader needs in order to repeat the run.
 
     """
     from ..evaluation.stress.page import sentences, write_page
     from ..evaluation.stress.runs import cases_of, StressTest
-    plan = plan_of(args, methods)
+    plan = plan_of(args, methods, values)
     args.output.mkdir(parents=True, exist_ok=True)
     cases = cases_of(plan)
     test = StressTest(plan, light_scenes(args.renders or args.output / 'renders', plan.scenes))
@@ -45,19 +47,19 @@ def run_stress(args, methods, facts):
     print(f'{args.output / "report.html"} and {args.output / "figures.json"} written')
 
 
-def plan_of(args, methods):
+def plan_of(args, methods, values):
     """Return the StressPlan of a command line."""
     from ..evaluation.stress.light import SCENES
     from ..evaluation.stress.runs import StressPlan
-    from .evaluate import folder_values, named
+    from .arguments import named
     for name in named(args.scenes):
         if name not in SCENES:
             raise SettingsError(f'--scenes {name}: known are {", ".join(SCENES)}')
-    values = {'methods': methods, 'only': named(args.only), 'pairs': args.pairs,
-              'seed': args.seed, 'values': folder_values(args)}
+    plan = {'methods': methods, 'only': named(args.only), 'pairs': args.pairs,
+            'seed': args.seed, 'values': values}
     if args.scenes:
-        values['scenes'] = named(args.scenes)
-    return StressPlan.quick(**values) if args.quick else StressPlan(**values)
+        plan['scenes'] = named(args.scenes)
+    return StressPlan.quick(**plan) if args.quick else StressPlan(**plan)
 
 
 def light_scenes(folder, names):

@@ -127,8 +127,10 @@ _viewed('hot', 'electronics', 'hot pixels', '%', BOTH, 'hot', 0.1, 1,
         of=lambda level: level / 100)
 _wired('gamma_both', 'gamma of both', '', BOTH, 'response', 2.2)
 _wired('gamma_one', 'gamma of the right', '', RIGHT, 'response', 1.4, 2.2)
-_wired('crosstalk_both', 'crosstalk of both', '', BOTH, 'crosstalk', 0.1, 0.3)
-_wired('crosstalk_one', 'crosstalk of the right', '', RIGHT, 'crosstalk', 0.1, 0.3)
+_wired('crosstalk_both', 'share of each other color in each channel of both', '', BOTH,
+       'crosstalk', 0.1, 0.15)
+_wired('crosstalk_one', 'share of each other color in each channel of the right', '', RIGHT,
+       'crosstalk', 0.1, 0.15)
 _wired('full_well', 'full well', 'electrons', BOTH, 'full_well', 4000, 1000)
 _wired('speckle', 'relative noise of each pixel', '', BOTH, 'speckle', 0.03, 0.0625)
 _wired('black_level', 'dark level of both', 'DN', BOTH, 'dark_level', 16)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...core import ImageError
 from .rig import CAMERA
+from .warp_kernels import bicubic
 
 LENS_BLUR = 0.5   # px, standard deviation of every lens
 INK = np.float32([1.0, 0.85, 0.7])  # share of red, green and blue that full print takes
@@ -165,14 +166,16 @@ def _scattered(light, distance, scene):
     """Scale red and blue about the middle so that they lie so many px apart in the corners."""
     height, width = light.shape[:2]
     corner = np.hypot(*(size / scene.scale - 2 * scene.margin for size in (width, height))) / 2
+    row, column = np.indices((height, width), np.float64)
     light = light.copy()
     for channel, share in ((0, -0.5), (2, 0.5)):
         factor = 1 + share * distance / corner
-        matrix = np.array([[factor, 0, (1 - factor) * (width - 1) / 2],
-                           [0, factor, (1 - factor) * (height - 1) / 2]])
-        light[..., channel] = cv2.warpAffine(
-            light[..., channel], matrix, (width, height), borderMode=cv2.BORDER_REPLICATE,
-            flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP)
+        places = [np.clip((place - (size - 1) / 2) * factor + (size - 1) / 2, 1, size - 3)
+                  for place, size in ((column, width), (row, height))]
+        single = np.ascontiguousarray(light[..., channel:channel + 1])
+        scaled = bicubic(single, *(each.ravel() for each in places),
+                         np.empty((single.size, 1), np.float32))
+        light[..., channel] = scaled.reshape(height, width)
     return light
 
 
