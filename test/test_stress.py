@@ -2,6 +2,7 @@
 """The stress test: known disturbances of small scenes, and their truth by direct computation."""
 
 from dataclasses import replace
+import json
 
 import cv2
 import numpy as np
@@ -431,3 +432,41 @@ def test_the_page_shows_every_case(test_run, tmp_path):
     assert any('cases with truth' in each for each in sentences(cases, by_case,
                                                                 ('surface', 'sgbm')))
     assert curve_plot(cases[1:2], cases[0], by_case, ('surface',)).startswith('<svg')
+
+
+def stress(*arguments):
+    """Run `color_stereo evaluate --stress` in this process."""
+    from color_stereo_ros.cli.main import main
+    return main(['evaluate', '--stress', *arguments])
+
+
+def test_the_command_lists_what_there_is(capsys):
+    assert stress('--only', 'list') in (0, None)
+    listed = capsys.readouterr().out
+    for name in DISTURBANCES:
+        assert f'\n{name} ' in f'\n{listed}'
+
+
+@pytest.mark.parametrize('arguments,told', [
+    (['--only', 'rowss'], "did you mean 'rows'"), (['--scenes', 'moon'], 'casting'),
+    (['--pairs', '0'], '--pairs = 0'), (['scenes/'], '--stress has scenes of its own'),
+    (['--methods', 'surfac'], "'surface'")])
+def test_the_command_refuses_what_it_cannot_do(arguments, told, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        raise SystemExit(stress(*arguments))
+    assert ended.value.code
+    assert told in capsys.readouterr().err
+
+
+def test_the_command_writes_table_page_and_numbers(tmp_path, capsys, monkeypatch):
+    from color_stereo_ros.evaluation.stress import light as lights
+    monkeypatch.setattr(lights.LightScenes, 'scene', lambda self, name: scene(seed=len(name)))
+    assert stress('--only', 'rows', '--quick', '--output', str(tmp_path / 'out'),
+                  '--methods', 'surface,sgbm') in (0, None)
+    shown = capsys.readouterr().out
+    assert 'rows 20' in shown and 'z68 outside' in shown
+    records = json.loads((tmp_path / 'out/figures.json').read_text())['records']
+    assert {(r['disturbance'], r['method']) for r in records} == {
+        (name, method) for name in ('none', 'rows') for method in ('surface', 'sgbm')}
+    assert '<svg' in (tmp_path / 'out/report.html').read_text()

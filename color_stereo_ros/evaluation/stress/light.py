@@ -132,6 +132,7 @@ class LightScenes:
         if not path.exists():
             arrays = render(scene, self.samples)
             with folder_written_whole(path) as partial:
+                partial.mkdir()
                 scene.rig.calibration.to_yaml(partial / 'left.yaml', partial / 'right.yaml')
                 np.savez(partial / 'light.npz', **arrays)
         return load(path, name)

@@ -50,7 +50,8 @@ class Mounting:
         K = camera.K.copy()
         K[:2, :2] *= 1 + self.focal
         K[:2, 2] += self.columns, self.rows
-        D = np.zeros(max(5, len(camera.D)))
+        lengths = LENSES[camera.distortion_model].lengths
+        D = np.zeros(min(n for n in lengths if n >= max(1, len(camera.D))))
         D[:len(camera.D)] = camera.D
         D[0] += self.k1
         return K, D
