@@ -29,9 +29,9 @@ def kept(scene, tmp_path_factory):
         patch.setattr(sim, 'load_scene', lambda name, rig=None: scene)
         patch.setattr(light.patterns, 'shown', lambda: [Shown('default', PATTERN)])
         patch.setattr(light, 'PRINT', (0.02, 0.05))  # m, waves of several pixels of this rig
-        first = light.LightScenes(folder, samples=1).scene('ball')
+        first = light.LightScenes(folder, samples=1).scene('casting')
         patch.setattr(light, 'render', lambda *arguments: pytest.fail('rendered again'))
-        again = light.LightScenes(folder, samples=1).scene('ball')
+        again = light.LightScenes(folder, samples=1).scene('casting')
     np.testing.assert_array_equal(first.light('left', 'default'), again.light('left', 'default'))
     return again
 

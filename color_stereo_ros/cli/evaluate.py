@@ -74,7 +74,8 @@ def add_arguments(parser):
                              'color, light, compression and more, each in steps')
     parser.add_argument('--only', metavar='A,B', help='with --stress: these disturbances or '
                         'groups of them; "list" prints all')
-    parser.add_argument('--scenes', metavar='A,B', help='with --stress: these scenes')
+    parser.add_argument('--scenes', metavar='A,B', help='with --stress: these scenes '
+                        '(default: six of them)')
     parser.add_argument('--pairs', type=int, default=1, metavar='N',
                         help='with --stress: pairs of each scene, one after the other through one '
                              'ColorStereo; the table shows the last one (default 1)')

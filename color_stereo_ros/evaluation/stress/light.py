@@ -30,9 +30,19 @@ PRINT = (0.003, 0.03)  # m, shortest and longest wave of the print in space
 WAVES = 28          # of the print
 
 VERGED = {'base': 'paper', 'cameras': {'width': 640, 'height': 480}}
-SCENES = {'casting': VERGED, 'effector_bin': None, 'tilt_30': VERGED, 'airplane': VERGED,
-          'printed': VERGED, 'effector_nut': None}
-"""Scenes that come with the package, and the rig instead of their own: 640 x 480 for all."""
+BARREL = {'base': 'effector', 'cameras': {'distortion': [-0.28, 0.09, 0.0006, -0.0004, -0.01]}}
+PORTRAIT = {'base': 'effector', 'cameras': {'width': 480, 'height': 640}}
+UNEQUAL = {'base': 'effector', 'right': {'focal': 480}}
+SCENES = {
+    'casting': ('casting', VERGED), 'effector_bin': ('effector_bin', 'effector'),
+    'tilt_30': ('tilt_30', VERGED), 'airplane': ('airplane', VERGED),
+    'printed': ('printed', VERGED), 'effector_nut': ('effector_nut', 'effector'),
+    'barrel': ('effector_nut', BARREL), 'portrait': ('effector_nut', PORTRAIT),
+    'unequal': ('effector_nut', UNEQUAL)}
+"""Names of the stress test to scenes that come with the package, and their rigs."""
+
+MAIN = ('casting', 'effector_bin', 'tilt_30', 'airplane', 'printed', 'effector_nut')
+"""Solids with bends, parts in a bin, a tilted board, thin parts, print, metal: 640 x 480 px."""
 
 QUICK = ('casting', 'effector_bin')
 
@@ -123,9 +133,10 @@ class LightScenes:
         self.samples = samples
 
     def scene(self, name):
-        """Return the LightScene of a name in `SCENES`, rendered now or earlier."""
+        """Return the LightScene of a name in `SCENES`, rendered now or kept from an earlier run."""
         from ... import sim
-        scene = sim.load_scene(name, rig=SCENES.get(name))
+        source, rig = SCENES[name]
+        scene = sim.load_scene(source, rig=rig)
         key = hashlib.sha256(repr((scene.fingerprint, self.samples, SCALE, MARGIN, FORMAT)
                                   ).encode()).hexdigest()[:10]
         path = self.folder / f'{name}-{key}'

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from ...files.atomic import write_text
+from ..opencv_matchers import METHODS as OPENCV
 from ..plots import as_svg, color_of, label_of, plain_numbers, styled
 from ..report import CSS, figure, formatted, note, section, table
 from .runs import averages, verdict
@@ -132,12 +133,15 @@ def curve_plot(own, calm, by_case, methods):
     drawing = Figure((12.5, 2.2))
     for axes, (key, title, factor, scale) in zip(drawing.subplots(1, len(CURVES)), CURVES):
         for method in methods:
+            if key == 'hi' and method in OPENCV:
+                continue  # no confidence
             values = [averages(records, method, pair).get(key) for records, pair in points]
             values = [np.nan if value is None else factor * value for value in values]
             if not np.all(np.isnan(values)):
                 axes.plot(range(len(values)), values, 'o-', color=color_of(method), ms=4,
                           label=label_of(method))
-        axes.set(title=title, xticks=range(len(labels)), xticklabels=labels)
+        axes.set(title=title, xticks=range(len(labels)))
+        axes.set_xticklabels(labels, fontsize=7)
         if scale == 'log' and axes.lines and np.nanmin(
                 [np.nanmin(line.get_ydata()) for line in axes.lines]) > 0:
             axes.set_yscale('log')

@@ -10,7 +10,7 @@ from ...core.cameras.rectification import Rectifier
 from .. import opencv_matchers
 from ..metrics import Truth, words
 from .disturbances import chosen, DISTURBANCES
-from .light import QUICK, SCENES
+from .light import MAIN, QUICK
 from .shot import moved, Shots
 
 METHODS = ('surface', 'sgbm', '3way')
@@ -28,7 +28,7 @@ HONEST = (0.7, 1.4)
 class StressPlan:
     """How much is done."""
 
-    scenes: tuple = tuple(SCENES)
+    scenes: tuple = MAIN
     only: tuple = ()
     """Names and groups of disturbances; empty = all."""
     methods: tuple = METHODS
