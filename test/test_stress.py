@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from color_stereo_ros.evaluation.stress.rig import StressRig, View
 from color_stereo_ros.evaluation.stress.runs import Case, cases_of, StressPlan, StressTest, without
 from color_stereo_ros.evaluation.stress.shot import Shots
 
+BEFORE = DISTURBANCES.names
 WIDTH, HEIGHT = 64, 48
 SCALE, MARGIN = 2, 8
 DEPTH = 0.5  # m
@@ -470,3 +472,15 @@ def test_the_command_writes_table_page_and_numbers(tmp_path, capsys, monkeypatch
     assert {(r['disturbance'], r['method']) for r in records} == {
         (name, method) for name in ('none', 'rows') for method in ('surface', 'sgbm')}
     assert '<svg' in (tmp_path / 'out/report.html').read_text()
+
+
+def test_the_example_of_an_own_disturbance_works():
+    text = (Path(__file__).parents[1] / 'docs/stress.md').read_text()
+    example = text.partition('```python\n')[2].partition('```')[0]
+    with DISTURBANCES.temporarily():
+        exec(compile(example, 'docs/stress.md', 'exec'), {})
+        (name,) = set(DISTURBANCES) - set(BEFORE)
+        shots = Shots(scene())
+        calm, dirty = shots.pair(StressRig())[1], shots.pair(DISTURBANCES[name].rig(0.3))[1]
+    bright = [(image[:, WIDTH // 2 + 4:] - 2.0).mean() for image in (calm, dirty)]
+    assert bright[1] == pytest.approx(0.7 * bright[0], rel=0.03)
