@@ -81,8 +81,8 @@ def add_arguments(parser):
                              'ColorStereo; the table shows the last one (default 1)')
     parser.add_argument('--output', type=Path, metavar='DIR', help='where the results go: '
                         'report.html, figures.json and the rendered pairs of the experiments '
-                        '(default evaluation_output, with --stress stress_output); tables.txt and figures.json of FOLDER and '
-                        'of --ablation (default: printed only)')
+                        '(default evaluation_output, with --stress stress_output); tables.txt '
+                        'and figures.json of FOLDER and of --ablation (default: printed only)')
     parser.add_argument('--overwrite', action='store_true', help='replace files that are not of '
                         'an earlier run, too')
     parser.add_argument('--renders', type=Path, metavar='DIR',

@@ -306,7 +306,7 @@ def _sine_rows(rig, level):
     DISTURBANCES['rows'].apply(rig, level)
 
 
-@disturbance('gray_rows', 'together', 'mono cameras, speckle, print, and right view lower', 'px', 1)
+@disturbance('gray_rows', 'together', 'mono cameras, speckle, print, right view lower', 'px', 1)
 def _gray_rows(rig, level):
     DISTURBANCES['speckle_pattern'].apply(rig, 0.3)
     DISTURBANCES['rows'].apply(rig, level)

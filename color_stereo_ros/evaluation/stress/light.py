@@ -25,9 +25,9 @@ SCALE = 2      # fine pixels in each pixel along either axis
 MARGIN = 28    # px around the image: mountings move it by up to 20 px
 BORDER = 1e-3  # px, rounding at the border of an image
 SAMPLES = 2    # per fine pixel along either axis
-OBJECT = 0.075      # m, radius of the cylinder around the middle of the scene that can be recolored
-PRINT = (0.003, 0.03)  # m, shortest and longest wave of the print in space
-WAVES = 28          # of the print
+OBJECT = 0.075  # m, radius about the middle of the scene of what can be recolored
+PRINT = 0.003, 0.03  # m, shortest and longest wave of the print in space
+WAVES = 28     # of the print
 
 VERGED = {'base': 'paper', 'cameras': {'width': 640, 'height': 480}}
 BARREL = {'base': 'effector', 'cameras': {'distortion': [-0.28, 0.09, 0.0006, -0.0004, -0.01]}}
@@ -133,7 +133,7 @@ class LightScenes:
         self.samples = samples
 
     def scene(self, name):
-        """Return the LightScene of a name in `SCENES`, rendered now or kept from an earlier run."""
+        """Return the LightScene of a name in `SCENES`, rendered now or earlier."""
         from ... import sim
         source, rig = SCENES[name]
         scene = sim.load_scene(source, rig=rig)

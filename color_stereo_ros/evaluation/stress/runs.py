@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs methods under every disturbance; what comes out is plain data for the table and the page."""
+"""Runs methods under every disturbance; plain data for the table and the page come out."""
 
 from dataclasses import dataclass, field
 
@@ -133,8 +133,11 @@ class StressTest:
         return rig.swap(*pair, self._other(shots, number)), without(truth)
 
     def _other(self, shots, number):
-        """Return the right view of another scene; where there is none, the mirrored one."""
-        other = self.shots[(self.shots.index(shots) + 1) % len(self.shots)]
+        """Return the right view of another scene of this size; without one, the mirrored view."""
+        place = self.shots.index(shots)
+        for other in (*self.shots[place + 1:], *self.shots[:place], shots):
+            if other.scene.depth.shape == shots.scene.depth.shape:
+                break
         right = other.pair(DISTURBANCES['none'].rig(1), number)[1]
         return right if other is not shots else np.ascontiguousarray(right[:, ::-1])
 
