@@ -38,7 +38,8 @@ def run_stress(args, methods, values, facts):
     cases = cases_of(plan)
     test = StressTest(plan, light_scenes(args.renders or args.output / 'renders', plan.scenes))
     by_case, records = {}, []
-    facts = {**facts, 'scenes': ', '.join(plan.scenes), 'pairs': plan.pairs}
+    facts = {**facts, 'command': 'color_stereo evaluate --stress', 'only': ', '.join(plan.only),
+             'scenes': ', '.join(plan.scenes), 'pairs': plan.pairs, 'settings': values}
     for case in measured(test, cases, methods, by_case):
         records += by_case[case]
         write_json(args.output / 'figures.json', records, facts)
