@@ -25,7 +25,8 @@ setup(
     maintainer='color_stereo_ros maintainers',
     maintainer_email='maintainers@color-stereo.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={'': ['**/*.yaml', '**/*.json', '**/*.png', '**/*.ply', '**/*.html', '**/*.xml']},
+    package_data={'': ['**/*.yaml', '**/*.json', '**/*.png', '**/*.webp', '**/*.ply', '**/*.html',
+                       '**/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -40,7 +41,7 @@ setup(
     extras_require={
         # ROS 2 Jazzy itself, for machines without /opt/ros
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
-        'sim': ['mitsuba>=3.5'],
+        'sim': ['mitsuba>=3.5', 'tqdm>=4.66'],
         'tools': ['rosbags>=0.11', 'matplotlib>=3.6', 'tqdm>=4.66'],
         'test': ['pytest>=7.4', 'colcon-common-extensions', 'setuptools<80'],
     },

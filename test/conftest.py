@@ -24,7 +24,7 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     """Prepare the lane, and the signals of the processes that tests start."""
-    give_children_an_interrupt()
+    give_children_their_signals()
     config.addinivalue_line('markers', 'processes: starts processes, or needs ROS or the '
                             'simulator, though its source does not show it')
     config.addinivalue_line('markers', 'long: takes seconds without any of these')
@@ -33,16 +33,18 @@ def pytest_configure(config):
         lanes.keep_quick()
 
 
-def give_children_an_interrupt():
+def give_children_their_signals():
     """
-    Let processes that are started obey SIGINT where this one ignores it.
+    Let processes that are started obey SIGINT and SIGHUP where this one ignores them.
 
-    A shell starts what ends in & with SIGINT ignored, and so would all children be. A handler
-    that does nothing is as deaf, but a new program gets the default instead of a handler.
+    A shell starts what ends in & with SIGINT ignored, nohup does so with SIGHUP, and so would all
+    children be. A handler that does nothing is as deaf, but a new program gets the default
+    instead of a handler.
 
     """
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        signal.signal(signal.SIGINT, lambda *_: None)
+    for number in (signal.SIGINT, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
 
 
 def pytest_ignore_collect(collection_path, config):

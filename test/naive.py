@@ -138,7 +138,7 @@ def verdict(k, mirrored, column, right_row, low, high, count, costs, tolerance, 
         return 6
     if costs[0] - 2 * costs[1] + costs[2] <= 0:
         return 5
-    if uniqueness > 0 and costs[3] <= costs[1] * (1 + uniqueness):
+    if costs[3] <= costs[1] * (1 + uniqueness):
         return 5
     return 0
 
@@ -152,5 +152,51 @@ def subpixel_offset(before, best, after, mode):
     if mode == 'weighted':
         neighbor, side = (after, 1) if after < before else (before, -1)
         # the position of each, weighted with the cost of the other: the lower cost weighs more
-        return side * best / (best + neighbor)
+        return side * best / (best + neighbor) if best + neighbor > 0 else 0.0
     return 0.0
+
+
+def agreements(disparity, candidates, y, x, step_x, step_y):
+    """
+    Return how many pairs of neighboring windows agree, are known, would agree by chance.
+
+    candidates: number of disparities that were compared, of pixel (y, x).
+
+    """
+    agreeing, known, expected = 0, 0, 0
+    for i, j in ((step_x, 0), (0, step_y), (step_x, step_y), (step_x, -step_y)):
+        reach = math.hypot(i, j) + 2
+        for one, two in ((-1, 1), (1, 2), (-1, -2)):
+            near = _at(disparity, y + one * j, x + one * i)
+            far = _at(disparity, y + two * j, x + two * i)
+            own = disparity[y, x]
+            bend = near + far - 2 * own if one == -two else 2 * near - far - own
+            if not math.isnan(bend):
+                known += 1
+                agreeing += abs(bend) <= 2 and abs(near - own) <= reach
+                chance = min(1, 2 * reach / candidates) * min(1, 4 / candidates)
+                expected += math.ceil(256 * chance - 1e-4)
+    return agreeing, known, expected
+
+
+def _at(image, y, x):
+    height, width = image.shape
+    return image[y, x] if 0 <= y < height and 0 <= x < width else math.nan
+
+
+def evidence(share, chance):
+    """Return the Chernoff bound of one trial, -log of the probability of such a share."""
+    if share <= chance:
+        return 0.0
+    rest = (1 - share) * math.log((1 - share) / (1 - chance)) if share < 1 else 0.0
+    return share * math.log(share / chance) + rest
+
+
+def support_verdict(agreeing, known, expected, places, own_agreeing, own_known, deviation):
+    """Return the confidence of a match, 0 if its surroundings agree by chance."""
+    chance = min(max(expected / max(256 * known, 1), 1e-3), 1 - 1e-3)
+    if known / places * evidence(agreeing / max(known, 1), chance) < 5:
+        return 0.0
+    odds = (0.45 - 0.78 * math.log(deviation + 0.02)
+            + 1.18 * math.log((own_agreeing + 0.5) / (own_known - own_agreeing + 0.5)))
+    return 1 / (1 + math.exp(-odds))

@@ -154,7 +154,8 @@ def test_arrays_of_a_camera_cannot_be_changed():
     (dict(d=[0.0] * 4 + [1e-3], distortion_model='equidistant'), r'left D\[4\] = 0.001, but'),
     (dict(d=[float('inf')] * 5), r'left D\[0\] = inf'),
     (dict(distortion_model='fov'), "left distortion_model = 'fov' is unknown, expected one of pl"),
-    (dict(distortion_model='x' * 100000), "left distortion_model = 'x{56}... is unknown"),
+    (dict(distortion_model='x' * 100000),
+     r"left distortion_model = 'x+\.\.\. \(100000 characters\) \.\.\.x+' is unknown"),
     (dict(distortion_model=''), "left distortion_model = '' is unknown.*rectified already need P"),
     (dict(r=[0.0] * 9), 'left R = .* is not a rotation'),
     (dict(r=[1, 0, 0, 0, 1, 0, 0, 0, -1]), 'left R = .* determinant -1'),
@@ -176,7 +177,7 @@ def test_arrays_of_a_camera_cannot_be_changed():
     (dict(width=2, height=2000), 'left width = 2 px is not'),
     (dict(width=64, height=1), 'left height = 1 px is not'),
     (dict(width=32767), 'left width = 32767 px is not'),
-    (dict(width=10 ** 400), 'left width = 10{56}... px is not'),
+    (dict(width=10 ** 400), r'left width = 10+\.\.\. \(401 characters\) \.\.\.0+ px is not'),
     (dict(width='640'), "left width = '640' px is not"),
     (dict(width=1280), 'left width x height = 1280 x 480 px, right = 640 x 480 px'),
 ])

@@ -11,7 +11,7 @@ import numpy as np
 
 import pytest
 
-from ros_rig import silent_rig
+from ros_rig import NodeProcess, PAPER, Rig, silent_rig
 
 from sensor_msgs.msg import Image
 

@@ -198,7 +198,8 @@ def test_process_measures_rectified_images_with_p_alone(scene, tmp_path, capfd, 
         path.write_text(yaml.safe_dump(content))
     words = ['process', scene / 'left.png', scene / 'right.png', '--calibration',
              scene / 'left.yaml', scene / 'right.yaml', '--matching.method', 'paper',
-             '--range.min_depth', '0.22', '--range.max_depth', '0.62', '--output', tmp_path / 'out']
+             '--range.min_depth', '0.22', '--range.max_depth', '0.62',
+             '--output', tmp_path / 'out']
     said = line_of(capfd, words)
     assert 'left.yaml: left ' in said and 'already need P alone' in said
     assert cli.main([str(word) for word in (*words, '--rectified')]) == 0

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demonstration, replay and conversion: recordings through real topics."""
 
+from base64 import b64decode
+from dataclasses import replace
 from pathlib import Path
 import re
 import signal
@@ -9,14 +11,23 @@ import sys
 from types import SimpleNamespace
 
 from color_stereo_ros.cli import main as cli
+from color_stereo_ros.core import ColorStereo, Settings
+from color_stereo_ros.core.false_color import (false_color, range_limits, STATUS_COLORS,
+                                               status_picture)
+from color_stereo_ros.core.legends import with_scale_bar, with_status_legend
+from color_stereo_ros.core.status import Status
 from color_stereo_ros.files.claim import held
+from color_stereo_ros.demo import page as page_module
 from color_stereo_ros.demo import run as demo_module
+from color_stereo_ros.evaluation.metrics import Truth
 from color_stereo_ros.files.image import write_image
 from color_stereo_ros.nodes.live import LiveError
 from color_stereo_ros.nodes.sensor.worker import COMPILING, READY
 from color_stereo_ros.parameters.files import settings_text
 from color_stereo_ros.recordings.reading import Recording
 from color_stereo_ros.recordings.writing import write_recording
+
+import cv2
 
 import numpy as np
 
@@ -34,7 +45,7 @@ COMMAND = [sys.executable, '-m', 'color_stereo_ros.cli.main']
 SECOND = 1_000_000_000
 OUTPUTS = {'points': PointCloud2, 'depth/image': Image, 'depth/camera_info': CameraInfo,
            'disparity': DisparityImage, 'confidence/image': Image, 'depth_std/image': Image,
-           'status/image': Image, 'range_image': Image}
+           'status/image': Image, 'status_picture': Image, 'range_image': Image}
 
 
 @pytest.fixture
@@ -82,7 +93,8 @@ def test_the_demo_leaves_pictures_points_and_a_page(tmp_path, scene_folder):
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert ran.stdout.rstrip().endswith(str(output / 'index.html'))
     assert {path.name for path in (output / 'card').iterdir()} == {
-        'range_image.png', 'depth_mm.png', 'depth_preview.png', 'surface.png', 'points.ply'}
+        'range_image.png', 'status.png', 'depth_mm.png', 'depth_preview.png', 'surface.png',
+        'points.ply'}
     page = (output / 'index.html').read_text()
     assert 'src="http' not in page and 'href="' not in page  # nothing is fetched from elsewhere
     assert len(re.findall('src="data:image/png;base64,', page)) == 7
@@ -131,6 +143,40 @@ class Log:
         """Nothing has ended."""
 
 
+class States(Log):
+    """The log of a range_node that is in one state after the other, a look at each."""
+
+    def __init__(self, states):
+        self.states = iter(states)
+
+    def log(self, name):
+        """Return what was written until now; it stays ready."""
+        return next(self.states, f'{COMPILING} {READY} 9.0 s')
+
+
+@pytest.mark.parametrize('states, looks, message', [
+    ([], 3, 'within 6 s'),                        # ready when first looked at
+    ([''] * 10, 13, 'within 6 s'),                # the start is slow
+    (['', COMPILING], 5, 'within 6 s'),           # it compiles while the demo looks
+    (['', *[COMPILING] * 50], 54, 'within 6 s'),
+    ([''] * 99, 40, 'range_node was not ready after 120 s')])
+def test_the_wait_begins_when_the_node_is_ready(tmp_path, monkeypatch, states, looks, message):
+    """Looks take 3 s and the demo waits 6 s, which is two looks after the first "ready"."""
+    now = [0.0]
+
+    def spin(node, condition, timeout, check):
+        now[0] += timeout
+        return False
+
+    (tmp_path / 'card/recording').mkdir(parents=True)
+    monkeypatch.setattr(demo_module, 'spin_until', spin)
+    monkeypatch.setattr(demo_module.time, 'monotonic', lambda: now[0])
+    demo = demo_module.Demo(tmp_path, tmp_path / 'output', 6.0)
+    with pytest.raises(LiveError, match=message):
+        demo._wait(None, States(states), 'card', None, SimpleNamespace(received={}), [])
+    assert now[0] == 3.0 * looks
+
+
 @pytest.mark.parametrize('comes', [True, False])
 def test_the_time_in_which_kernels_compile_does_not_count(
         tmp_path, monkeypatch, capsys, comes):
@@ -156,6 +202,72 @@ def test_the_time_in_which_kernels_compile_does_not_count(
     said = capsys.readouterr().out
     assert said.count('range_node is compiling its kernels') == 1
     assert said.count('\n') <= 3
+
+
+def measured(name, method, shift):
+    """Return a Measurement of a card, `shift` m behind the depth of the tiny rig."""
+    pair = scene()
+    result = ColorStereo(calibration(), Settings().updated(PAPER)).process(*pair)
+    result = replace(result, depth=result.depth + np.float32(shift))
+    truth = Truth(np.full((HEIGHT, WIDTH), DEPTH + shift, np.float32),
+                  np.ones((HEIGHT, WIDTH), bool))
+    return page_module.Measurement(
+        name=name, method=method, left=pair[0], right=pair[1], pattern=pair[0],
+        range_image=pair[0], status_picture=pair[0], result=result, points=result.points(),
+        truth=truth, seconds=1.0)
+
+
+def embedded(page):
+    """Return the pictures of a page, RGB."""
+    found = re.findall('src="data:image/png;base64,([^"]*)"', page)
+    return [cv2.imdecode(np.frombuffer(b64decode(text), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+            for text in found]
+
+
+def test_one_page_has_one_color_for_one_depth():
+    cards = [measured('near', 'surface', 0.0), measured('far', 'paper', 0.1)]
+    limits = page_module.page_limits(cards)
+    assert limits[0] < DEPTH + 0.01 and limits[1] > DEPTH + 0.09
+    page = page_module.make_page(cards, '', '')  # one text above, a caption and an alt for each
+    pictures = embedded(page)
+    for index, card in enumerate(cards):
+        depth = pictures[7 * index + 3]
+        np.testing.assert_array_equal(depth[:, :WIDTH], false_color(card.result.depth, *limits))
+        np.testing.assert_array_equal(pictures[7 * index + 4], status_picture(card.result.status))
+    assert page.count('near = yellow ({:.3f} m), far = violet ({:.3f} m)'.format(*limits)) == 5
+
+
+def test_the_page_explains_its_words_and_colors_where_they_stand():
+    card = measured('card', 'surface', 0.0)
+    page = page_module.make_page([card], '', '')
+    for title, explanation, _ in page_module.ROWS:
+        row = page[page.index(f'<td>{title}</td>'):]
+        assert row.index(explanation) < row.index('</tr>', row.index('class="why"'))
+    for code in np.unique(card.result.status):
+        assert f'rgb{STATUS_COLORS[code]}' in page and Status(code).meaning in page
+
+
+def test_the_page_fits_a_phone():
+    """Nothing has a fixed width, and what cannot wrap scrolls in a box of its own."""
+    page = page_module.make_page([measured('card', 'surface', 0.0)], '', '')
+    style = re.search('<style>(.*?)</style>', page, re.DOTALL).group(1)
+    assert '<meta name="viewport" content="width=device-width, initial-scale=1">' in page
+    assert 'minmax(min(17rem, 100%), 1fr)' in style
+    assert re.search(r'figure img, figure canvas {[^}]*max-width: 100%; height: auto', style)
+    assert re.search(r'\.wide {[^}]*overflow-x: auto', style)
+    assert re.search(r'pre {[^}]*overflow-x: auto', style)
+    assert not re.search(r'(?<![-\w])(min-)?width: *\d{2,}(px|rem|em)', style)
+    body = re.sub(r'<div class="wide">.*?</div>', '', page, flags=re.DOTALL)
+    assert page.count('<table>') == 1 and '<table>' not in body
+
+
+def test_the_default_method_comes_first(tmp_path):
+    for name, method in (('a', 'paper'), ('b', 'surface'), ('c', 'paper'), ('d', 'surface')):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'settings.yaml').write_text(
+            settings_text({'matching.method': method}, '/**'))
+    order = demo_module.default_first(sorted(tmp_path.iterdir()))
+    assert [folder.name for folder in order] == ['b', 'd', 'a', 'c']
 
 
 def processes_that_mention(path):
@@ -342,7 +454,44 @@ def test_process_writes_what_it_lists(tmp_path, scene_folder, capsys):
                      str(tmp_path / 'out'), *sample_options()]) == 0
     listed = set(re.findall(r'^  (\S+)', capsys.readouterr().out, re.M))
     assert listed == {path.name for path in (tmp_path / 'out').iterdir()}
-    assert {'depth.tiff', 'points.ply', 'range_image.png'} <= listed
+    assert {'depth.tiff', 'points.ply', 'range_image.png', 'status.png',
+            'status_codes.png'} <= listed
+
+
+def processed(folder, output, *options):
+    """Run `process` on the card, return a function that reads one of its images, RGB or codes."""
+    files = [str(folder / name) for name in ('left.png', 'right.png')]
+    yamls = [str(folder / name) for name in ('left.yaml', 'right.yaml')]
+    assert cli.main(['process', *files, '--calibration', *yamls, '--output', str(output),
+                     *sample_options(), *options]) == 0
+
+    def read(name):
+        image = cv2.imread(str(output / name), cv2.IMREAD_UNCHANGED)
+        return image[..., ::-1] if image.ndim == 3 else image
+    return read
+
+
+@pytest.mark.parametrize('colors, limits', [
+    ('viridis', 'fixed'), ('viridis', 'automatic'), ('paper', 'fixed')])
+def test_process_draws_the_depth_as_chosen_with_a_scale_bar(
+        tmp_path, scene_folder, colors, limits):
+    read = processed(scene_folder, tmp_path / 'out', '--output.range_colors', colors,
+                     '--output.range_limits', limits)
+    depth = read('depth.tiff')
+    fixed = SimpleNamespace(min_depth=PAPER['range.min_depth'], max_depth=PAPER['range.max_depth'])
+    ends = range_limits(depth, fixed, limits)
+    assert (ends == (0.25, 0.8)) == (limits == 'fixed')
+    np.testing.assert_array_equal(
+        read('range_image.png'),
+        with_scale_bar(false_color(depth, *ends, colors), *ends, colors))
+
+
+def test_process_writes_the_status_as_codes_and_as_a_picture_with_a_legend(
+        tmp_path, scene_folder):
+    read = processed(scene_folder, tmp_path / 'out')
+    codes = read('status_codes.png')
+    np.testing.assert_array_equal(codes == Status.VALID, np.isfinite(read('depth.tiff')))
+    np.testing.assert_array_equal(read('status.png'), with_status_legend(status_picture(codes)))
 
 
 def test_process_with_a_yaml_that_is_no_calibration_says_so(tmp_path, scene_folder, capsys):

@@ -4,6 +4,7 @@
 import os
 from pathlib import Path
 import shutil
+import signal
 import subprocess
 import sys
 
@@ -52,6 +53,12 @@ if __name__ == '__main__':
 '''
 
 
+NODE = '''
+from color_stereo_ros.nodes.range_node import main
+raise SystemExit(main(['--ros-args', '-p', 'matching.method:=paper']))
+'''
+
+
 def run(arguments, package=PACKAGE.parent, **changes):
     """Return a finished process that finds a package and the tests; None removes a variable."""
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(package), str(FOLDER)]),
@@ -80,6 +87,24 @@ def test_without_a_folder_for_compiled_kernels_one_line_says_so(nowhere):
     assert ran.returncode == 0, ran.stderr
     assert float(ran.stdout) > 0.5
     assert ran.stderr.count('\n') == 1 and 'NUMBA_CACHE_DIR' in ran.stderr
+
+
+def test_a_node_without_a_folder_for_compiled_kernels_says_so_and_goes_on(nowhere, tmp_path):
+    package, environment = nowhere
+    environment = {**os.environ, **environment, 'PYTHONPATH': str(package),
+                   'ROS_LOG_DIR': str(tmp_path / 'log'),
+                   'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    del environment['NUMBA_CACHE_DIR']
+    said = []
+    with subprocess.Popen([sys.executable, '-c', NODE], cwd=FOLDER, text=True, env=environment,
+                          stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as node:
+        for line in node.stderr:
+            said.append(line)
+            if 'ready after' in line:
+                node.send_signal(signal.SIGINT)
+    assert node.returncode == 0, ''.join(said)
+    assert 'Traceback' not in ''.join(said) and 'ready after' in ''.join(said)
+    assert ''.join(said).count('NUMBA_CACHE_DIR') == 1
 
 
 def test_a_folder_that_numba_cache_dir_names_is_used(nowhere, tmp_path):

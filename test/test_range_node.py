@@ -5,7 +5,9 @@ from array import array
 import signal
 
 from color_stereo_ros.core import ColorStereo, Settings
-from color_stereo_ros.core.false_color import false_color
+from color_stereo_ros.core.false_color import automatic_limits, false_color, status_picture
+from color_stereo_ros.core.legends import with_status_legend
+from color_stereo_ros.core.status import Status
 from color_stereo_ros.messages.reading import image_to_rgb
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -23,10 +25,11 @@ from stereo_msgs.msg import DisparityImage
 
 TOPICS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
           'disparity': DisparityImage, 'confidence/image': Image, 'depth_std/image': Image,
-          'status/image': Image, 'range_image': Image}
+          'status/image': Image, 'status_picture': Image, 'range_image': Image}
 SETTINGS = Settings().updated(PAPER)
 DEFAULTS = {'output.depth_encoding': '32FC1', 'output.frame': 'rectified',
-            'output.compact_points': False, 'input.rectified': False}
+            'output.compact_points': False, 'output.range_colors': 'viridis',
+            'output.range_limits': 'fixed', 'input.rectified': False}
 
 
 @pytest.fixture(scope='module')
@@ -126,8 +129,38 @@ def test_the_camera_info_is_the_rectified_left_camera(rig):
 def test_the_range_image_is_the_false_color_picture_in_bgr(rig):
     msg = all_outputs(rig)['range_image']
     picture = false_color(expected(rig).depth, 0.25, 0.8)
-    assert msg.encoding == 'bgr8'
+    assert (msg.encoding, msg.height, msg.width) == ('bgr8', HEIGHT, WIDTH)
     assert bytes(msg.data) == picture[..., ::-1].tobytes()
+
+
+def test_colors_and_limits_of_the_range_image_can_be_chosen(rig):
+    assert rig.set_parameters(output__range_colors='paper',
+                              output__range_limits='automatic').successful
+    msg = all_outputs(rig)['range_image']
+    depth = expected(rig).depth
+    limits = automatic_limits(depth)
+    assert 0.25 < limits[0] < limits[1] < 0.8
+    assert (msg.encoding, msg.height, msg.width) == ('bgr8', HEIGHT, WIDTH)
+    assert bytes(msg.data) == false_color(depth, *limits, 'paper')[..., ::-1].tobytes()
+
+
+def test_colors_that_do_not_exist_are_refused_with_their_names(rig):
+    result = rig.set_parameters(output__range_colors='jet')
+    assert not result.successful
+    assert "output.range_colors = 'jet' is not one of viridis, paper" in result.reason
+
+
+def test_the_status_picture_shows_the_status_with_a_legend_in_bgr(rig):
+    outputs, status = all_outputs(rig), expected(rig).status
+    msg = outputs['status_picture']
+    picture = with_status_legend(status_picture(status))
+    assert (msg.encoding, msg.height) == ('bgr8', HEIGHT) and msg.width > WIDTH
+    assert bytes(msg.data) == picture[..., ::-1].tobytes()
+    pixels = np.frombuffer(msg.data, np.uint8).reshape(msg.height, msg.width, 3)
+    valid = (pixels[:, :WIDTH] == 235).all(axis=2)
+    np.testing.assert_array_equal(valid, np.frombuffer(
+        outputs['status/image'].data, np.uint8).reshape(HEIGHT, WIDTH) == Status.VALID)
+    assert valid.any()
 
 
 @pytest.mark.parametrize('encoding', ['rgb8', 'bgr8', 'rgba8', 'bgra8'])

@@ -36,7 +36,6 @@ FORMULAS = {
     'logistic',           # the series of the exponential function, and its range
     'join_nodes',         # bits of a link
     'independent_pixels',  # 4 pi sigma^2, the area of a Gaussian correlation
-    '_within_one_pixel',  # Abramowitz and Stegun, 7.1.27
     'some_calibration',   # any small rig
 }
 # Module globals that are made of numbers and are no tuning.
@@ -46,6 +45,7 @@ GLOBALS = {
     'SIZE',               # of any small rig
     'ESTIMATE',           # a word of the settings
     'SUBPIXEL_CODES',     # names of modes
+    'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
 SOURCES = [path for room in ('surface', 'paper') for path in sorted((CORE / room).glob('*.py'))
            if path.name not in ('tuning.py', 'fitted.py')] + [CORE / 'account.py']

@@ -2,6 +2,7 @@
 """`color_stereo convert`: a recording of pairs in, a recording of depth and points out."""
 
 SUMMARY = 'measure every pair of a recording and write the outputs as a recording'
+NEEDS = '[tools]'
 
 DEFAULT_TOPICS = ('points', 'depth/image', 'depth/camera_info')
 

@@ -2,6 +2,7 @@
 """`color_stereo demo`: recordings in, range images and point clouds out, over real topics."""
 
 SUMMARY = 'play the sample recordings through both nodes and show what comes out'
+NEEDS = '[tools], [ros]'
 
 
 def add_arguments(parser):
@@ -13,9 +14,9 @@ def add_arguments(parser):
                         help='folder to fill; only the output of an earlier demo is replaced '
                         '(default demo_output)')
     parser.add_argument('--wait', type=float, default=120.0, metavar='S',
-                        help='give up on a sample if there is no complete output after so many '
-                             'seconds; the time in which kernels are compiled does not count '
-                             '(default 120)')
+                        help='give up on a sample if range_node, once it is ready, has given no '
+                             'complete output after so many seconds; the time in which it starts '
+                             'and compiles its kernels does not count (default 120)')
 
 
 def run(args):

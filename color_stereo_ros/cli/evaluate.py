@@ -12,6 +12,7 @@ from ..files.atomic import check_free
 from ..files.claim import claimed
 
 SUMMARY = 'measure methods against the truth: the paper\'s experiments, or folders with truth'
+NEEDS = '[tools]; without FOLDER [sim]'
 
 DEFAULT_METHODS = 'surface,paper,bm,sgbm,3way'
 

@@ -2,9 +2,10 @@
 """
 The command `color_stereo`: finds its subcommands, runs one, turns known errors into one line.
 
-A module beside this one is a subcommand of the same name if it has a SUMMARY (one line),
-`add_arguments(parser)` and `run(args)`, which returns an exit status or None for 0. Only the
-module that runs is imported, so that `color_stereo --help` needs neither ROS nor a simulator.
+A module beside this one is a subcommand of the same name if it has a SUMMARY (one line), NEEDS
+(the extras, '' = none), `add_arguments(parser)` and `run(args)`, which returns an exit status or
+None for 0. Only the module that runs is imported, so that `color_stereo --help` needs neither ROS
+nor a simulator.
 
 """
 
@@ -109,9 +110,11 @@ def parsed(argv):
     parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
     subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     chosen = next((word for word in argv if not word.startswith('-')), None)
+    needs = find_commands(constant='NEEDS')
     for name, summary in find_commands().items():
-        subparser = subparsers.add_parser(name, help=summary, description=summary,
-                                          allow_abbrev=False)
+        subparser = subparsers.add_parser(
+            name, help=summary, description=summary, allow_abbrev=False,
+            epilog=f'Needs the extras {needs[name]} of the package.' if needs[name] else None)
         if name == chosen:
             from .arguments import Help
             subparser.formatter_class = Help
@@ -143,18 +146,23 @@ def nearest(name, known):
     return f'; did you mean {bare[near[0]]}?' if near else ''
 
 
-def find_commands(folder=None):
-    """Return a dict of command names to their summaries, sorted by name, importing nothing."""
+def find_commands(folder=None, constant='SUMMARY'):
+    """
+    Return a dict of command names to their summaries, sorted by name, importing nothing.
+
+    The constant 'NEEDS' gives the extras that they need instead.
+
+    """
     folder = Path(__file__).parent if folder is None else Path(folder)
-    found = {path.stem: _summary(path) for path in sorted(folder.glob('[!_]*.py'))}
-    return {name: summary for name, summary in found.items() if summary is not None}
+    found = {path.stem: _constant(path, constant) for path in sorted(folder.glob('[!_]*.py'))}
+    return {name: text for name, text in found.items() if text is not None}
 
 
-def _summary(path):
-    """Return the string that a module assigns to SUMMARY at its top level, or None."""
+def _constant(path, name):
+    """Return the string that a module assigns to a name at its top level, or None."""
     for node in ast.parse(path.read_text(encoding='utf-8')).body:
         if (isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
-                and node.targets[0].id == 'SUMMARY'):
+                and node.targets[0].id == name):
             return ast.literal_eval(node.value)
     return None
 

@@ -2,6 +2,7 @@
 """`color_stereo pattern`: write the image that the projector must show."""
 
 SUMMARY = 'write the image that the projector must show'
+NEEDS = ''
 
 
 def add_arguments(parser):

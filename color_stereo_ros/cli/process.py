@@ -1,18 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo process`: one pair of image files in, depth and points out, without ROS."""
 
+from pathlib import Path
+
 SUMMARY = 'measure one pair of image files: depth, points and pictures into a folder'
+NEEDS = ''
+
+SAMPLE = Path(__file__).with_name('sample_pair')
+"""The first pair of the recording sample/solids_hue2d, without loss."""
 
 
 def add_arguments(parser):
     """Declare the arguments."""
+    from ..parameters.groups import ProcessSettings
     from .arguments import add_settings_arguments
-    parser.add_argument('left', help='image of the left camera: PNG, JPEG, TIFF or the like, in '
-                        'color, as the camera took it')
-    parser.add_argument('right', help='image of the right camera, taken at the same moment')
-    parser.add_argument('--calibration', nargs=2, required=True, metavar=('LEFT', 'RIGHT'),
+    parser.add_argument('left', nargs='?', help='image of the left camera: PNG, JPEG, TIFF or '
+                        'the like, in color, as the camera took it')
+    parser.add_argument('right', nargs='?', help='image of the right camera, taken at the same '
+                        'moment')
+    parser.add_argument('--calibration', nargs=2, metavar=('LEFT', 'RIGHT'),
                         help='the camera_info YAML files of both cameras, calibrated as a pair, '
                         'for example by camera_calibration')
+    parser.add_argument('--sample', action='store_true', help='measure the pair that comes with '
+                        'the package, with its calibration and settings')
     parser.add_argument('--output', default='process_output', metavar='FOLDER',
                         help='folder to fill; files of an earlier run are replaced (default '
                         'process_output)')
@@ -20,37 +30,52 @@ def add_arguments(parser):
                         'are not of an earlier run, too')
     parser.add_argument('--rectified', action='store_true', help='the images are rectified '
                         'already: only P of the calibration is used')
-    add_settings_arguments(parser)
+    add_settings_arguments(parser, settings=ProcessSettings())
 
 
 def run(args):
     """Measure the pair of the command line."""
-    from pathlib import Path
-
     from ..files.claim import claimed
+    complete(args)
     with claimed(Path(args.output), 'process', CONTENT, overwrite=args.overwrite):
         measure(args)
 
 
+def complete(args):
+    """Put the sample of the package into the arguments, or check that a pair is named."""
+    from ..core import SettingsError
+    named = [args.left, args.right, args.calibration]
+    if args.sample:
+        if any(named):
+            raise SettingsError('--sample has images and a calibration of its own; leave out '
+                                'yours')
+        args.left, args.right = (str(SAMPLE / name) for name in ('left.webp', 'right.webp'))
+        args.calibration = [str(SAMPLE / name) for name in ('left.yaml', 'right.yaml')]
+        args.config = args.config or str(SAMPLE / 'settings.yaml')
+    elif not all(named):
+        raise SettingsError('name two images and --calibration LEFT RIGHT, or --sample for the '
+                            'pair that comes with the package')
+
+
 def measure(args):
     """Measure, write and tell."""
-    from pathlib import Path
-
     from ..core import ColorStereo, StereoCalibration
     from ..core.account import doubts_about_images, doubts_about_result
     from ..files.image import read_image
+    from ..parameters.groups import ProcessSettings
     from ..patience import patience
     from .arguments import settings_from
-    settings = settings_from(args)
+    settings = settings_from(args, ProcessSettings())
     calibration = StereoCalibration.from_yaml(*args.calibration)
     left, right = read_image(args.left), read_image(args.right)
     warn_of(doubts_about_images(left, right))
     with patience():
-        stereo = ColorStereo(calibration, settings, rectified_input=args.rectified)
+        stereo = ColorStereo(calibration, settings.core, rectified_input=args.rectified)
     with patience('measuring'):
         result = stereo.process(left, right)
     output = Path(args.output)
-    write_result(output, result, settings.range)
+    write_result(output, result, settings)
+    write_page(output / PAGE, args, left, right, result, settings)
     print(account(result))
     print(f'Written to {output}:')
     for name, content in CONTENT.items():
@@ -83,42 +108,60 @@ def account(result):
     return '\n'.join(['Pixels by status:', *lines])
 
 
+PAGE = 'index.html'
 CONTENT = {
     'depth_mm.png': '16 bit, millimeters, 0 = unknown',
     'depth.tiff': '32 bit float, meters, NaN = unknown',
     'depth_std.tiff': '32 bit float, standard deviation of the depth in meters',
     'confidence.png': '8 bit, 255 = 1',
-    'status.png': '8 bit, 0 = valid, otherwise the reason (docs/nodes.md)',
-    'range_image.png': 'false colors, near = purple, far = orange',
+    'status_codes.png': '8 bit, 0 = valid, otherwise the code of the reason (docs/nodes.md)',
+    'status.png': 'the same for people: one color for each reason, with a legend',
+    'range_image.png': 'false colors of the depth with a scale bar, black = unknown',
     'points.ply': 'colored points in meters, rectified left camera',
+    PAGE: 'page for a browser: the pictures, and the points to be turned',
 }
 
 
-def write_result(folder, result, limits):
+def write_result(folder, result, settings):
     """
-    Write a result into a folder, the files of `CONTENT`.
+    Write a result into a folder, the files of `CONTENT` but for the page.
 
     Parameters
     ----------
     folder : Path
     result : RangeResult
-    limits : RangeSettings
-        Limits of the false colors.
+    settings : ProcessSettings
+        Colors and limits of the range image.
 
     """
     import numpy as np
 
-    from ..core.false_color import false_color
+    from ..core.false_color import false_color, range_limits, status_picture
+    from ..core.legends import with_scale_bar, with_status_legend
     from ..files.cloud import save_cloud
     from ..files.image import write_image
     from ..messages.outputs import millimeters
+    picture = settings.output
+    limits = range_limits(result.depth, settings.range, picture.range_limits)
+    colors = false_color(result.depth, *limits, picture.range_colors)
     images = {
         'depth_mm.png': millimeters(result.depth),
         'depth.tiff': result.depth,
         'depth_std.tiff': result.depth_std,
         'confidence.png': np.rint(255 * result.confidence).astype(np.uint8),
-        'status.png': result.status,
-        'range_image.png': false_color(result.depth, limits.min_depth, limits.max_depth)}
+        'status_codes.png': result.status,
+        'status.png': with_status_legend(status_picture(result.status)),
+        'range_image.png': with_scale_bar(colors, *limits, picture.range_colors)}
     for name, image in images.items():
         write_image(folder / name, image)
     save_cloud(folder / 'points.ply', result.points(), result.image)
+
+
+def write_page(path, args, left, right, result, settings):
+    """Write the page about a pair; its colors have the limits of the range image."""
+    from ..core.false_color import range_limits
+    from ..demo.page import make_pair_page
+    from ..files.atomic import write_text
+    limits = range_limits(result.depth, settings.range, settings.output.range_limits)
+    write_text(path, make_pair_page((Path(args.left).name, Path(args.right).name), left, right,
+                                    result, limits))

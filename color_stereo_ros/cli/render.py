@@ -2,6 +2,7 @@
 """`color_stereo render`: what the two cameras of a simulated rig see, and the truth."""
 
 SUMMARY = 'render a scene as the simulated rig sees it, with its truth'
+NEEDS = '[sim]; with `--bag` [tools]'
 
 PERIOD_NS = 100_000_000   # between two frames of a sequence in a recording
 STEPS = 3                 # of the progress bar per frame: left, right, truth
@@ -91,6 +92,8 @@ def _pattern(args):
 def _frames(args, scene, pattern):
     """Yield the Rendering of every frame, with a progress bar."""
     from ..sim import Renderer
+    from ..sim.variant import load_mitsuba
+    load_mitsuba()  # says what is to be installed, before the progress bar asks for less
     from .progress import Progress
     with Progress(total=STEPS * scene.frames, unit='step', leave=False) as bar:
         for frame in range(scene.frames):
@@ -159,7 +162,7 @@ def _write_rendering(folder, rendering, scene, pattern, values):
     np.savez_compressed(
         folder / 'truth.npz', depth=truth.depth, visible=truth.visible, disparity=truth.disparity,
         lit=truth.lit, seen_by_both=truth.seen_by_both, seen_by_left_only=truth.seen_by_left_only,
-        edge=truth.edge)
+        clear=truth.clear, edge=truth.edge)
     write_image(folder / 'pattern.png', pattern)
     near, far = scene.rig.depth_limits
     values = {**values, 'range.min_depth': near, 'range.max_depth': far}

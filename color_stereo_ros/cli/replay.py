@@ -2,6 +2,7 @@
 """`color_stereo replay`: publish a recording on real topics, where rosbag2 is not installed."""
 
 SUMMARY = 'publish a recording on real topics'
+NEEDS = '[tools], [ros]'
 
 
 def add_arguments(parser):

@@ -4,6 +4,7 @@
 from ..demo.layout import RECORDING, SETTINGS, TRUTH
 
 SUMMARY = 'pack a scene folder into a sample: recording, truth and settings'
+NEEDS = '[tools]'
 
 MOST_PAIRS = 10000
 LONGEST_PERIOD = 3600.0  # s

@@ -2,6 +2,7 @@
 """`color_stereo settings`: the core's settings with unit, range, default and meaning."""
 
 SUMMARY = 'print the settings of the core, as a table or as a YAML parameter file'
+NEEDS = ''
 
 
 def add_arguments(parser):

@@ -43,8 +43,9 @@ def status_table():
 def command_table():
     """Return the subcommands of `color_stereo`."""
     from .main import find_commands
-    lines = ['| command | what it does |', '|---|---|']
-    lines += [f'| `color_stereo {name}` | {summary} |'
+    needs = find_commands(constant='NEEDS')
+    lines = ['| command | what it does | extras |', '|---|---|---|']
+    lines += [f'| `color_stereo {name}` | {summary} | {needs[name]} |'.replace('|  |', '| |')
               for name, summary in find_commands().items()]
     return '\n'.join(lines) + '\n'
 

@@ -2,6 +2,7 @@
 """`color_stereo trust`: fit the surface method's log-odds of being right on simulated scenes."""
 
 SUMMARY = "fit the surface method's confidence to scenes with truth (for developers)"
+NEEDS = '[tools]'
 
 
 def add_arguments(parser):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth as a picture: false colors with a scale bar (paper, fig. 3.5)."""
+"""The colors of pictures for people: depth and status, one color for each value of a pixel."""
 
 from functools import lru_cache
 
@@ -7,17 +7,48 @@ import cv2
 import numpy as np
 
 from ..errors import SettingsError
+from .status import Status
 
-_NEAR_HUE, _FAR_HUE = 285.0, 28.0  # degrees: purple .. orange
-_BAR_WIDTH = 14
-_LABEL_FONT = cv2.FONT_HERSHEY_SIMPLEX
-_LABEL_SCALE = 0.38
-_LABEL_HEIGHT = 12
+RANGE_COLORS = ('viridis', 'paper')
+"""Names of the maps of depth; the first is the default."""
+RANGE_LIMITS = ('fixed', 'automatic')
+"""Where the colors of depth begin and end; the first is the default."""
+
+_LEVELS = 255  # of known depths; index 0 is unknown
+_DARKEST = 36  # of viridis' 256 colors: the darker ones look like unknown
+_NEAR_HUE, _FAR_HUE = 285.0, 28.0  # degrees, of the paper's map: purple .. orange
+_PERCENTILES = 0.5, 99.5
+_PERCENTILE_STEP = 4  # px: every fourth pixel of every fourth row shows where the depths lie
+_LEAST_EXTENT = 1.001  # far / near of automatic limits, so that the colors of a plane are defined
+
+STATUS_COLORS = {
+    Status.VALID: (235, 235, 235),
+    Status.OUTSIDE_IMAGE: (0, 0, 0),
+    Status.DARK: (0, 114, 178),
+    Status.SATURATED: (240, 228, 66),
+    Status.NO_MATCH: (213, 94, 0),
+    Status.AMBIGUOUS: (230, 159, 0),
+    Status.INCONSISTENT: (204, 121, 167),
+    Status.OUT_OF_RANGE: (86, 180, 233),
+    Status.IMPLAUSIBLE: (0, 158, 115),
+}
+"""
+RGB of each status: the colors of Okabe and Ito (Color Universal Design, 2008), and light gray.
+
+They differ for people with any kind of color blindness. Light gray is a pixel with a range.
+
+"""
 
 
-def false_color(depth, near, far, *, scale_bar=True):
+def false_color(depth, near, far, colors=RANGE_COLORS[0]):
     """
-    Draw depth: purple at `near`, orange at `far`, black where it is unknown.
+    Draw depth in false colors, black where it is unknown.
+
+    `viridis` is perceptually uniform: equal steps of depth look equally large. Its lightness
+    falls from near (yellow) to far (violet). Therefore people with color blindness see the same
+    order, as does everybody in a gray print. Turbo and the hues of `paper` are not uniform;
+    cividis has fewer colors that can be told apart. `paper` is the map of the paper's fig. 3.5:
+    near purple, far orange.
 
     Parameters
     ----------
@@ -25,72 +56,125 @@ def false_color(depth, near, far, *, scale_bar=True):
         m; NaN = unknown. Depths outside the limits get the color of the limit.
     near, far : float
         m; the color changes linearly with the depth between them.
-    scale_bar : bool
-        Put a bar with labels in m to the left of the picture, near at the bottom.
+    colors : str
+        One of `RANGE_COLORS`.
 
     Returns
     -------
-    picture : numpy.ndarray, uint8, shape (H, W + `scale_bar_width(H, near, far)`, 3)
+    picture : numpy.ndarray, uint8, shape (H, W, 3)
         RGB.
 
     Raises
     ------
     SettingsError
-        Unless near < far.
+        Unless near < far, or if there are no such colors.
 
     """
     if not near < far:
         raise SettingsError(f'near = {near} m must be smaller than far = {far} m')
-    picture = _colored(_color_index(depth, near, far))
-    if not scale_bar:
-        return picture
-    return np.concatenate((_scale_bar(depth.shape[0], float(near), float(far)), picture), axis=1)
+    if colors not in RANGE_COLORS:
+        raise SettingsError(f'colors = {colors!r} is not one of {", ".join(RANGE_COLORS)}')
+    return cv2.applyColorMap(_color_index(depth, near, far), _palette(colors)[:, None])
 
 
-def scale_bar_width(height, near, far):
-    """Return the columns that the scale bar of a picture takes, px."""
-    return _scale_bar(height, float(near), float(far)).shape[1]
+def automatic_limits(depth):
+    """
+    Return the depths between which 99 % of the known pixels lie.
+
+    Parameters
+    ----------
+    depth : numpy.ndarray, float32, shape (H, W)
+        m; NaN = unknown. Every fourth pixel of every fourth row counts.
+
+    Returns
+    -------
+    limits : (float, float) or None
+        m, near < far: the percentiles 0.5 and 99.5. None where nothing is known.
+
+    """
+    seen = depth[::_PERCENTILE_STEP, ::_PERCENTILE_STEP]
+    known = seen[np.isfinite(seen)]
+    if not known.size:
+        return None
+    near, far = (float(limit) for limit in np.percentile(known, _PERCENTILES))
+    return near, max(far, near * _LEAST_EXTENT)
+
+
+def range_limits(depth, fixed, choice):
+    """
+    Return where the colors of a depth image begin and end.
+
+    Parameters
+    ----------
+    depth : numpy.ndarray, float32, shape (H, W)
+        m; NaN = unknown.
+    fixed : RangeSettings
+        The working range; it also serves where nothing is known.
+    choice : str
+        One of `RANGE_LIMITS`.
+
+    Returns
+    -------
+    near, far : float
+        m.
+
+    """
+    found = automatic_limits(depth) if choice == 'automatic' else None
+    return found or (fixed.min_depth, fixed.max_depth)
+
+
+def status_picture(status):
+    """
+    Draw the status of each pixel in the colors of `STATUS_COLORS`.
+
+    Parameters
+    ----------
+    status : numpy.ndarray, uint8, shape (H, W)
+        Codes of `Status`.
+
+    Returns
+    -------
+    picture : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+
+    """
+    return cv2.applyColorMap(status, _status_palette()[:, None])
 
 
 def _color_index(depth, near, far):
     """Return uint8: 0 = unknown, 1 = near .. 255 = far."""
-    scaled = (depth - np.float32(near)) * np.float32(254.0 / (far - near)) + np.float32(1.5)
-    np.clip(scaled, 1.0, 255.0, out=scaled)
+    scaled = (depth - np.float32(near)) * np.float32((_LEVELS - 1) / (far - near))
+    scaled += np.float32(1.5)
+    np.clip(scaled, 1.0, _LEVELS, out=scaled)
     cv2.patchNaNs(scaled, 0.0)
     return scaled.astype(np.uint8)
 
 
-def _colored(index):
-    """Return the colors of an index image, uint8 (H, W, 3)."""
-    return cv2.applyColorMap(index, _palette()[:, None])
+@lru_cache(maxsize=len(RANGE_COLORS))
+def _palette(colors):
+    """Return the RGB colors of the indices, uint8 (256, 3)."""
+    known = _viridis() if colors == 'viridis' else _paper()
+    return np.concatenate((np.zeros((1, 3), np.uint8), known))
+
+
+def _viridis():
+    """Return OpenCV's viridis from yellow to violet, uint8 (255, 3)."""
+    steps = np.rint(np.linspace(255, _DARKEST, _LEVELS)).astype(np.uint8)
+    return cv2.applyColorMap(steps[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
+
+
+def _paper():
+    """Return the paper's purple .. orange, uint8 (255, 3)."""
+    hue = np.linspace(_NEAR_HUE, _FAR_HUE, _LEVELS, dtype=np.float32)
+    strong = np.full(_LEVELS, 0.95, np.float32)
+    hsv = np.stack((hue, strong, np.ones_like(hue)), axis=1)
+    return np.rint(cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0] * 255.0).astype(np.uint8)
 
 
 @lru_cache(maxsize=1)
-def _palette():
-    """Return the RGB colors of the indices, uint8 (256, 3)."""
-    hue = np.linspace(_NEAR_HUE, _FAR_HUE, 255, dtype=np.float32)
-    hsv = np.stack((hue, np.full(255, 0.95, np.float32), np.ones(255, np.float32)), axis=1)
-    rgb = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0]
-    return np.concatenate((np.zeros((1, 3)), np.rint(rgb * 255.0))).astype(np.uint8)
-
-
-@lru_cache(maxsize=8)
-def _scale_bar(height, near, far):
-    """Return the bar with its labels, RGB, near at the bottom."""
-    count = int(np.clip(height // 48 + 1, 2, 11))
-    labels = np.linspace(near, far, count)
-    digits = int(np.clip(np.ceil(1.0 - np.log10((far - near) / (count - 1))), 0, 4))
-    texts = [f'{label:.{digits}f}' for label in labels]
-    texts[-1] += ' m'
-    text_width = max(cv2.getTextSize(text, _LABEL_FONT, _LABEL_SCALE, 1)[0][0] for text in texts)
-    bar = np.zeros((height, _BAR_WIDTH + text_width + 10, 3), np.uint8)
-    depth = np.linspace(far, near, height, dtype=np.float32)[:, None]
-    bar[:, :_BAR_WIDTH] = _colored(_color_index(depth, near, far))
-    for label, text in zip(labels, texts):
-        row = round((height - 1) * (far - label) / (far - near))
-        bar[row, :_BAR_WIDTH + 3] = 255
-        baseline = int(np.clip(row + 4, _LABEL_HEIGHT - 3, max(height - 3, 1)))
-        cv2.putText(bar, text, (_BAR_WIDTH + 6, baseline), _LABEL_FONT, _LABEL_SCALE,
-                    (255, 255, 255), 1, cv2.LINE_AA)
-    bar.setflags(write=False)
-    return bar
+def _status_palette():
+    """Return the RGB colors of all codes, uint8 (256, 3); codes without a meaning are black."""
+    palette = np.zeros((256, 3), np.uint8)
+    for code, color in STATUS_COLORS.items():
+        palette[code] = color
+    return palette

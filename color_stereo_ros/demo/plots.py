@@ -66,7 +66,7 @@ def _facets(points):
 def _facet_colors(quads, near, far):
     """Return the false colors of the facets, shaded by a distant light, float (N, 3)."""
     depth = quads[..., 2].mean(axis=1).astype(np.float32)
-    colors = false_color(depth[None], near, far, scale_bar=False)[0] / 255.0
+    colors = false_color(depth[None], near, far)[0] / 255.0
     shade = _shade(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0])
     return np.clip(colors * shade[:, None], 0, 1)
 

@@ -11,7 +11,10 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 
-from ..core import RangeResult, RecordingError, Settings, StereoCalibration
+from ..core import RangeResult, RecordingError, StereoCalibration
+from ..core.false_color import range_limits
+from ..core.legends import with_scale_bar
+from ..core.settings import updated
 from ..core.triangulation import disparity_from_depth, disparity_limits
 from ..evaluation.datasets import load_truth
 from ..files.atomic import write_bytes, write_text
@@ -23,17 +26,20 @@ from ..messages.reading import image_to_rgb
 from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
 from ..nodes.sensor.worker import COMPILING, READY
 from ..parameters.files import read_settings
+from ..parameters.groups import RangeNodeSettings
 from ..recordings.reading import Recording
 from .layout import RECORDING, SETTINGS, TRUTH
-from .page import depth_preview, make_page, Measurement, one_line, overview, surface_limits
+from .page import (DEFAULT_METHOD, depth_preview, make_page, Measurement, one_line, overview,
+                   page_limits)
 from .plots import surface_plot
 
 OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
            'disparity': DisparityImage, 'range_image': Image, 'confidence/image': Image,
-           'status/image': Image}
+           'status/image': Image, 'status_picture': Image}
 
 LOG = 'log'
 MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
+SLOWEST_START = 120.0  # s from the start of range_node to "ready", kernels loaded, not compiled
 NOTE_EVERY = 3.0  # s between two signs that the demo goes on
 
 COMMANDS = """\
@@ -52,7 +58,7 @@ class Demo:
     ----------
     samples, output : Path
     wait : float
-        s that a node may take until its first output.
+        s that range_node may take from being ready to its first complete output.
 
     Raises
     ------
@@ -80,14 +86,19 @@ class Demo:
         self._make_room()
         write_text(self.output / MARK,
                    'Made by `color_stereo demo`, which replaces this folder.\n')
+        samples = default_first(self.samples)
         with ros_node('color_stereo_demo') as node:
-            measurements = [self._measure(node, folder) for folder in self.samples]
+            measurements = [self._measure(node, folder) for folder in samples]
         self._say('writing the page')
-        write_image(self.output / 'overview.png', overview(measurements[-1]))
+        limits = page_limits(measurements)
+        for measurement in measurements:
+            write_bytes(self.output / measurement.name / 'surface.png',
+                        surface_plot(measurement.points, *limits))
+        write_image(self.output / 'overview.png', overview(measurements[0], limits))
         page = self.output / 'index.html'
         made = (f'Made on {datetime.now():%Y-%m-%d %H:%M} with {os.cpu_count()} processor cores, '
                 f'Python {platform.python_version()}.')
-        first = self.samples[0]
+        first = samples[0]
         write_text(page, make_page(measurements, made, COMMANDS.format(
             recording=first / RECORDING, settings=first / SETTINGS)))
         return page
@@ -118,12 +129,13 @@ class Demo:
         """Return the measurement of one sample and write its files."""
         left, right, calibration = first_pair(folder / RECORDING)
         truth = load_truth(folder / TRUTH)
-        settings = Settings().updated(read_settings(folder / SETTINGS))
+        settings = settings_of(folder)
         messages, pattern, seconds = self._play(node, folder)
         result = result_from(messages, calibration, settings)
         measurement = Measurement(
             name=folder.name, method=settings.matching.method, left=left, right=right,
-            pattern=pattern, range_image=image_to_rgb(messages['range_image']), result=result,
+            pattern=pattern, range_image=labeled(messages['range_image'], result, settings),
+            status_picture=image_to_rgb(messages['status_picture']), result=result,
             points=points_from(messages['points']), truth=truth, seconds=seconds)
         self._say(f'{folder.name}: {one_line(measurement)}')
         write_files(self.output / folder.name, measurement)
@@ -151,24 +163,53 @@ class Demo:
         return messages, image_to_rgb(patterns[-1]), seconds
 
     def _wait(self, node, processes, name, condition, collector, patterns):
-        """Spin until the condition holds; the time in which kernels compile does not count."""
-        left = self.wait
+        """
+        Spin until the condition holds.
+
+        `wait` begins when range_node is ready. Before that it may take SLOWEST_START to start,
+        however short `wait` is, and any time to compile its kernels. A look in which it goes from
+        one of these to the next does not count.
+
+        """
+        left, before = max(self.wait, SLOWEST_START), waiting_for('')
         while left > 0:
-            compiling = is_compiling(processes.log(f'{name}_range_node'))
             begin = time.monotonic()
             if spin_until(node, condition, min(NOTE_EVERY, left), processes.check):
                 return
-            if not compiling:
+            log = processes.log(f'{name}_range_node')
+            if waiting_for(log) != before:
+                left, before = self.wait, waiting_for(log)
+            elif not is_compiling(log):
                 left -= time.monotonic() - begin
-            self._note(f'{name}: {waiting_for(processes.log(f"{name}_range_node"))}')
+            self._note(f'{name}: {before}')
         self._say(f'{name}: giving up')
+        said = f'range_node said:\n{processes.log_tail(f"{name}_range_node")}'
+        if before == waiting_for(''):
+            raise LiveError(f'{name}: range_node was not ready after '
+                            f'{max(self.wait, SLOWEST_START):.0f} s. {said}')
         missing = [topic for topic, count in collector.received.items() if not count]
         missing += [] if patterns else ['pattern/image']
         raise LiveError(
             f'{name}: no complete output within {self.wait:.0f} s (--wait SECONDS waits longer); '
             'nothing came on '
-            f'{", ".join(missing) or "no topic, but never all of one stamp"}. range_node said:\n'
-            f'{processes.log_tail(f"{name}_range_node")}')
+            f'{", ".join(missing) or "no topic, but never all of one stamp"}. {said}')
+
+
+def settings_of(folder):
+    """Return the RangeNodeSettings of a sample."""
+    return updated(RangeNodeSettings(), read_settings(folder / SETTINGS, RangeNodeSettings()))
+
+
+def default_first(samples):
+    """Return the folders of samples, those of the default method before the others."""
+    return sorted(samples, key=lambda folder: (
+        settings_of(folder).matching.method != DEFAULT_METHOD, folder.name))
+
+
+def labeled(message, result, settings):
+    """Return a published range image with its scale bar, RGB."""
+    limits = range_limits(result.depth, settings.range, settings.output.range_limits)
+    return with_scale_bar(image_to_rgb(message), *limits, settings.output.range_colors)
 
 
 def is_compiling(log):
@@ -228,11 +269,10 @@ def result_from(messages, calibration, settings):
 
 
 def write_files(folder, measurement):
-    """Write pictures, depth and points of a measurement into a folder."""
+    """Write what does not depend on the other measurements into a folder."""
     result = measurement.result
-    near, far = surface_limits(result.depth)
     write_image(folder / 'range_image.png', measurement.range_image)
     write_image(folder / 'depth_mm.png', millimeters(result.depth))
     write_image(folder / 'depth_preview.png', depth_preview(result.depth))
-    write_bytes(folder / 'surface.png', surface_plot(measurement.points, near, far))
+    write_image(folder / 'status.png', measurement.status_picture)
     save_cloud(folder / 'points.ply', measurement.points, result.image)

@@ -157,10 +157,9 @@ class Laboratory:
         near, far = picture_limits(scene.truth)
         kept = self.pictures.setdefault((scene.name, pattern.type), {
             'left image': run.pair.left,
-            'truth': false_color(np.where(scene.truth.visible, scene.truth.depth, np.nan),
-                                 near, far, scale_bar=False),
+            'truth': false_color(cut_out(scene.truth.depth, scene.truth), near, far),
             'limits': (near, far)})
-        kept[run.method] = false_color(run.result.depth, near, far, scale_bar=False)
+        kept[run.method] = false_color(run.result.depth, near, far)
         kept[f'{run.method} error'] = error_picture(run.result, scene.truth)
 
     def _bench(self, name):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 import numpy as np
 
-from ..core import Status
+from ..core.false_color import STATUS_COLORS
 from .experiments import SWEEPS, TABLE_31, TABLE_32
 
 COLORS = {'surface': '#0b7a5b', 'paper': '#c8553d', 'bm': '#8a94a6', 'sgbm': '#3d6cb4',
@@ -288,10 +288,6 @@ def _sweep_lines(name, records, methods):
              [r for r in records if r['method'] == method]) for method in methods]
 
 
-STATUS_COLORS = ('#0b7a5b', '#d8dce3', '#2b2f3a', '#f2b134', '#8a94a6', '#c8553d', '#7a5ab0',
-                 '#3d6cb4', '#b36a9e')
-
-
 @styled
 def status_plot(records, methods):
     """Plot why visible pixels have no range, averaged over scenes."""
@@ -300,11 +296,12 @@ def status_plot(records, methods):
     for place, method in enumerate(methods):
         chosen = own_pattern(records, method)
         left = 0.0
-        for status, color in zip(Status, STATUS_COLORS):
+        for status, color in STATUS_COLORS.items():
             share = np.mean([r['figures']['status'][status.name]['visible'] for r in chosen]
                             or [0.0])
-            axes.barh(place, 100 * share, left=left, color=color, height=0.62,
-                      label=status.name.lower().replace('_', ' ') if place == 0 else None)
+            axes.barh(place, 100 * share, left=left, color=np.divide(color, 255), height=0.62,
+                      edgecolor='#9aa1ad', linewidth=0.5,
+                      label=status.label if place == 0 else None)
             left += 100 * share
     axes.set(yticks=range(len(methods)), yticklabels=[label_of(m) for m in methods],
              xlabel='% of the visible pixels', xlim=(0, 100))

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from .. import __version__
+from ..core.false_color import false_color
 from ..files.atomic import write_text
 from . import plots
 from .experiments import ERROR_COLORS, SWEEP_SCENE, SWEEPS, TABLE_31, TABLE_32
@@ -472,8 +473,11 @@ def mean_cell(records):
 
 def color_bar(near, far):
     """Return the key of the range maps."""
-    return (f'{near:g} m <span class="bar" style="background: linear-gradient(90deg, #b400ff, '
-            '#0000ff, #00ffff, #00ff00, #ffff00, #ff7700)"></span> ' f'{far:g} m')
+    depths = np.linspace(near, far, 9, dtype=np.float32)
+    colors = ', '.join(f'rgb{tuple(color)}'
+                       for color in false_color(depths[None], near, far)[0].tolist())
+    return (f'{near:g} m <span class="bar" style="background: linear-gradient(90deg, {colors})">'
+            f'</span> {far:g} m')
 
 
 def error_legend():

@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 
 from ..core.cameras.calibration import CameraModel
-from ..core.false_color import false_color
+from ..core.false_color import false_color, range_limits, status_picture
+from ..core.legends import with_status_legend
 from ..core.registry import Registry
 from .cloud import cloud
 from .contents import camera_info, CameraInfo, DisparityImage, Header, Image, image, new_memory
@@ -134,9 +135,21 @@ def _status(result, context):
     return image(result.status, 'mono8', context.header)
 
 
-@output('range_image', Image, 'bgr8, false colors with a scale bar: near = purple .. far = '
-        'orange, unknown = black')
+@output('status_picture', Image, 'bgr8, the status in colors for people, with a legend to the '
+        'right of it')
+def _status_picture(result, context):
+    return _bgr(with_status_legend(status_picture(result.status)), context.header)
+
+
+@output('range_image', Image, 'bgr8, false colors of the depth, unknown = black; the size of '
+        'depth/image; see `output.range_colors` and `output.range_limits`')
 def _range_image(result, context):
-    limits = context.settings.range
-    picture = false_color(result.depth, limits.min_depth, limits.max_depth)
-    return image(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), 'bgr8', context.header)
+    settings = context.settings
+    near, far = range_limits(result.depth, settings.range, settings.output.range_limits)
+    picture = false_color(result.depth, near, far, settings.output.range_colors)
+    return _bgr(picture, context.header)
+
+
+def _bgr(picture, header):
+    """Return the content of an RGB picture."""
+    return image(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), 'bgr8', header)

@@ -7,6 +7,7 @@ import sys
 import threading
 import traceback
 
+from ..errors import InstallationError
 from . import usage as help_text
 from .environment import prepare
 
@@ -35,12 +36,31 @@ def run(make_node, args=None, usage=None):
     Returns
     -------
     status : int
-        0 after a clean end or the help, 1 if the settings are refused.
+        0 after a clean end or the help, 1 if the settings are refused or a package is missing.
 
     """
-    if usage is not None and help_text.is_wanted(sys.argv[1:] if args is None else args):
-        help_text.show(usage())
-        return 0
+    try:
+        if usage is not None and help_text.is_wanted(sys.argv[1:] if args is None else args):
+            help_text.show(usage())
+            return 0
+        return _run_until_signal(make_node, args)
+    except ImportError as error:
+        print(_what_to_install(error), file=sys.stderr)
+        return 1
+
+
+def _what_to_install(error):
+    """Return one sentence about a missing package; raise the error again if it is unknown."""
+    if isinstance(error, InstallationError):
+        return str(error)
+    if (error.name or '').partition('.')[0] != 'rclpy':
+        raise error
+    return ('rclpy is not installed, but the nodes need ROS 2: source the setup.bash of ROS 2, or '
+            'install the extra [ros] of color_stereo_ros (README, Extras)')
+
+
+def _run_until_signal(make_node, args):
+    """Run a node; return the status."""
     # rclpy's own handlers end the context while callbacks and threads still use it
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 
+from ..core.false_color import RANGE_COLORS, RANGE_LIMITS
 from ..core.settings import Group, PatternSettings, setting, Settings
 
 
@@ -23,10 +24,24 @@ class InputSettings(Group):
 
 
 @dataclass(frozen=True)
-class OutputSettings(Group):
-    """What is published."""
+class PictureSettings(Group):
+    """The picture of the depth: `range_image` and the file range_image.png."""
 
     prefix = 'output'
+
+    range_colors: str = setting(
+        RANGE_COLORS[0], 'of range_image: viridis = near yellow .. far violet, perceptually '
+        'uniform, safe with color blindness; paper = near purple .. far orange',
+        choices=RANGE_COLORS)
+    range_limits: str = setting(
+        RANGE_LIMITS[0], 'of the colors of range_image: fixed = range.min_depth .. '
+        'range.max_depth; automatic = where 99 % of the known depths of each image lie',
+        choices=RANGE_LIMITS)
+
+
+@dataclass(frozen=True)
+class OutputSettings(PictureSettings):
+    """What is published."""
 
     depth_encoding: str = setting(
         '32FC1', 'of depth/image: 32FC1 in m with NaN = unknown, or 16UC1 in mm with 0 = unknown',
@@ -68,22 +83,35 @@ class SyncSettings(Group):
 
 
 @dataclass(frozen=True)
-class RangeNodeSettings:
-    """All parameters of range_node."""
+class MeasuringSettings:
+    """The settings of the core, for those who add groups of their own."""
 
     pattern: PatternSettings = Settings().pattern
     color: Group = Settings().color
     matching: Group = Settings().matching
     range: Group = Settings().range
-    input: InputSettings = InputSettings()
-    output: OutputSettings = OutputSettings()
-    sync: SyncSettings = SyncSettings()
 
     @property
     def core(self):
         """Return the part that the core knows."""
         return Settings(pattern=self.pattern, color=self.color, matching=self.matching,
                         range=self.range)
+
+
+@dataclass(frozen=True)
+class RangeNodeSettings(MeasuringSettings):
+    """All parameters of range_node."""
+
+    input: InputSettings = InputSettings()
+    output: OutputSettings = OutputSettings()
+    sync: SyncSettings = SyncSettings()
+
+
+@dataclass(frozen=True)
+class ProcessSettings(MeasuringSettings):
+    """All settings of `color_stereo process`."""
+
+    output: PictureSettings = PictureSettings()
 
 
 @dataclass(frozen=True)

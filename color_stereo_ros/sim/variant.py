@@ -55,8 +55,8 @@ def load_mitsuba():
         import mitsuba
     except ImportError as error:
         raise SimulatorMissingError(
-            f'the simulated rig needs Mitsuba 3 ({error}): install the extra [sim], '
-            "pip install '.[sim]' in the folder of the sources") from error
+            f'the simulated rig needs Mitsuba 3 ({error}): pip install mitsuba, or pip install '
+            "'.[sim]' in the folder of the sources (README, Extras)") from error
     variant = os.environ.get('COLOR_STEREO_SIM_VARIANT') or (
         'llvm_ad_rgb' if llvm and _llvm_works(mitsuba) else 'scalar_rgb')
     mitsuba.set_variant(variant)

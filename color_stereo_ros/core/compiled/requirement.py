@@ -16,7 +16,8 @@ except Exception as error:  # not there, or it refuses this Python or this NumPy
     raise InstallationError(
         ('numba is not installed, but it compiles the kernels' if missing else
          f'numba cannot be imported ({" ".join(str(error).split())})')
-        + f": pip install '{REQUIREMENT}' installs one that fits") from error
+        + f": pip install '{REQUIREMENT}' installs one that fits, beside Ubuntu's packages in a "
+        'virtual environment (README, Extras)') from error
 
 
 def is_tested():

@@ -20,7 +20,7 @@ SOURCES = (
     'core/compiled/*.py',
     'core/compiled/internals/*.py',
     'core/constants.py',
-    'core/paper/kernels.py',
+    'core/paper/*kernels.py',
     'core/paper/tuning.py',
     'core/status.py',
     'core/status_codes.py',

@@ -27,7 +27,6 @@ FAR = TUNING.search.unlit_ratio
 UNKNOWN_COST = TUNING.search.unknown_cost
 NO_COST = TUNING.search.no_cost
 NO_INDEX = TUNING.search.no_index
-SURE = TUNING.search.sure_evidence
 LANES = TUNING.search.lanes
 PADDING_COST = TUNING.search.padding_cost
 LEAST_COMPONENT = TUNING.search.least_component
@@ -330,36 +329,20 @@ def _offset(before, best, after, subpixel):
         return np.float32(0.5) * (before - after) / (before - best + after - best)
     if subpixel == 2:
         neighbor = min(before, after)
-        share = best / (best + neighbor)
+        share = best / max(best + neighbor, np.float32(1.0))  # whole numbers: 0 or at least 1
         return share if after < before else -share
     return np.float32(0.0)
 
 
-@serial()
-def _within_one_pixel(deviation):
-    """
-    Return the probability that a normal error of this standard deviation is below 1 px.
-
-    The error function by Abramowitz and Stegun, 7.1.27 (error below 5e-4): no call into libm.
-
-    """
-    x = np.float32(math.sqrt(0.5)) / deviation
-    series = np.float32(1.0) + x * (np.float32(0.278393) + x * (np.float32(0.230389) + x * (
-        np.float32(0.000972) + x * np.float32(0.078108))))
-    square = series * series
-    return np.float32(1.0) - np.float32(1.0) / (square * square)
-
-
 @parallel(error_model='python')
 def accept_winners(winner, costs, reason, right, first, count, low, high, tolerance, uniqueness,
-                   subpixel, independent, smallest, largest, disparity, deviation, confidence,
-                   status):
+                   subpixel, independent, smallest, largest, disparity, deviation, status):
     """
     Turn winners into disparities, or into the reason why there is none.
 
     Reads winner (H, W, 2) and costs (H, W, 4) of the search, the number of independent pixels in
-    a window and the limits of the disparity; writes disparity, deviation (its standard
-    deviation) and confidence (H, W), and status (H, W), the codes of Status.
+    a window and the limits of the disparity; writes disparity and deviation (its standard
+    deviation), (H, W), and status (H, W), the codes of Status.
 
     """
     height, width = status.shape
@@ -383,8 +366,8 @@ def accept_winners(winner, costs, reason, right, first, count, low, high, tolera
                     code = NO_MATCH
                 elif tolerance > 0 and abs(winner[y, x, 1] - k) > tolerance:
                     code = INCONSISTENT
-                elif bend <= 0 or (uniqueness > 0 and second <= best * distinct):
-                    code = AMBIGUOUS
+                elif bend <= 0 or second <= best * distinct:
+                    code = AMBIGUOUS  # one color: another place has the same cost
             found = np.float32(np.nan)
             if code == VALID:
                 found = first + k + _offset(before, best, after, subpixel)
@@ -394,15 +377,8 @@ def accept_winners(winner, costs, reason, right, first, count, low, high, tolera
             status[y, x] = code
             disparity[y, x] = found
             deviation[y, x] = np.nan
-            confidence[y, x] = 0.0
             if code == VALID:
                 # Least squares: with Q = Q0 + bend / 2 (d - d0)^2 and a noise of Q0 / (2 n) per
                 # color difference, the variance of d0 is that noise over half the bend.
                 noise = max(best, one) / independent
-                spread = math.sqrt(noise / bend)
-                deviation[y, x] = spread
-                confidence[y, x] = _within_one_pixel(spread)
-                # The same noise tells how much more likely the winner is than the next minimum.
-                evidence = (second - best) / noise
-                if evidence < SURE:
-                    confidence[y, x] /= one + math.exp(-evidence)
+                deviation[y, x] = math.sqrt(noise / bend)

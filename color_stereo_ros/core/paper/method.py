@@ -11,6 +11,7 @@ from ..results import Measurement
 from ..triangulation import depth_from_disparity, search_interval
 from . import kernels
 from .color import ColorCorrection
+from .support import Support
 from .tuning import TUNING
 
 SUBPIXEL_CODES = {'none': 0, 'parabola': 1, 'weighted': 2}
@@ -76,6 +77,7 @@ class PaperMatcher:
         self._count = int(last - first) + 3
         self._independent = independent_pixels(settings)
         self._buffers = _Buffers(geometry, self._count, settings.matching)
+        self._support = Support((geometry.height, geometry.width), settings)
 
     def match(self, pair):
         """
@@ -124,7 +126,8 @@ class PaperMatcher:
             buffers.winner, buffers.costs, reason, right, self._first, self._count, low, high,
             settings.left_right_tolerance, settings.uniqueness_ratio,
             SUBPIXEL_CODES[settings.subpixel], self._independent, *self._limits,
-            match.disparity, match.disparity_std, match.confidence, match.status)
+            match.disparity, match.disparity_std, match.status)
+        self._support.judge(match, right, self._first, low, high)
         return match
 
 

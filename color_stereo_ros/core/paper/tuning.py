@@ -83,9 +83,6 @@ class SearchTuning(Constants):
     unknown_cost: int = constant(
         2000, 'stored cost', 'Cost of any color against an unusable left pixel.',
         chosen('Colors that are 32 DN apart: it tells no disparity from another.'), compiled=True)
-    sure_evidence: float = constant(
-        16.0, '1', 'Log-likelihood ratio beyond which a winner has no rival.',
-        derived('exp(-16) = 1e-7, less than float32 resolves beside 1.'), compiled=True)
     lanes: int = constant(
         32, '1', 'Disparities are rounded up to a multiple of this.',
         chosen('Vectors without a remainder are up to twice as fast (12a04d7).'), compiled=True)
@@ -107,11 +104,49 @@ class SearchTuning(Constants):
 
 
 @dataclass(frozen=True)
+class SupportTuning(Constants):
+    """Matches by chance and the confidence: do the matches of neighboring windows agree?"""
+
+    blur_reach: float = constant(
+        2.0, 'standard deviations', 'Distance of windows that have no noise in common.',
+        derived('Noise that was smoothed correlates by 1 / e over this distance.'))
+    surroundings: int = constant(
+        7, 'windows', 'Columns and rows of windows that decide together.',
+        chosen('49 windows: on noise and on the twelve path-traced scenes both are sure.'))
+    tolerance: float = constant(
+        2.0, 'px', 'Largest misfit of three disparities on a line.',
+        chosen('Whole disparities on a straight surface differ by at most 2 px.'), compiled=True)
+    slope: float = constant(
+        1.0, 'px / px', 'Steepest surface whose disparities agree.',
+        chosen('Steeper surfaces are hidden from the right camera.'), compiled=True)
+    share_unit: int = constant(
+        256, '1', 'Integers that a share of 1 is counted in.',
+        derived('Sums of integers do not depend on the number of threads.'), compiled=True)
+    least_probability: float = constant(
+        1e-3, '1', 'Smallest probability of agreement by chance.',
+        chosen('Smaller ones would let a single agreement count for much.'), compiled=True)
+    least_evidence: float = constant(
+        5.0, '1', 'Evidence against chance below which surroundings are refused.',
+        derived('exp(-5) = .7 % is the largest probability of noise (Chernoff bound).'),
+        compiled=True)
+    precision: float = constant(
+        0.02, 'px', 'Added to standard deviations before their logarithm is taken.',
+        chosen('More precise matches are not more often right.'), compiled=True)
+    odds: tuple = constant(
+        (0.45, -0.78, 1.18), '1', 'Log-odds of being right within 1 px: offset, factors of the '
+        'log of the standard deviation and of the log-odds of agreement.',
+        chosen('Logistic regression on the path-traced scenes solids (one sweep, hue field) and '
+               'bench, windows 9 x 9 and 9 x 1; flat_350 and prism were held out.'),
+        compiled=True)
+
+
+@dataclass(frozen=True)
 class Tuning(Constants):
     """All constants of the paper's method."""
 
     colors: ColorTuning = ColorTuning()
     search: SearchTuning = SearchTuning()
+    support: SupportTuning = SupportTuning()
 
 
 TUNING = Tuning()
