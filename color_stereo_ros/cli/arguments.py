@@ -52,11 +52,17 @@ def _legal(default, meta):
 
 
 class Help(argparse.HelpFormatter):
-    """Names the settings once in the usage line, instead of all forty; the list follows anyway."""
+    """
+    Names the settings once in the usage line, instead of all forty; the list follows anyway.
+
+    Options that only serve another option are left out, too: their help begins with its name.
+
+    """
 
     def add_usage(self, usage, actions, groups, prefix=None):
         """Add the usage line."""
-        short = [action for action in actions if '.' not in action.dest]
+        short = [action for action in actions if '.' not in action.dest
+                 and not (action.help or '').startswith('with --')]
         if len(short) < len(actions):
             short.append(argparse.Action(['--SETTING'], 'setting', metavar='VALUE'))
         super().add_usage(usage, short, groups, prefix)
@@ -70,6 +76,11 @@ def _boolean(text):
     if text.lower() not in ('true', 'false'):
         raise argparse.ArgumentTypeError(f'{text!r} is neither true nor false')
     return text.lower() == 'true'
+
+
+def named(text):
+    """Return the names in a list that is separated by commas."""
+    return tuple(name.strip() for name in (text or '').split(',') if name.strip())
 
 
 def given_settings(args, settings=Settings()):

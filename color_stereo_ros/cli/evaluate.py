@@ -16,6 +16,8 @@ NEEDS = '[tools]; without FOLDER [sim]'
 
 DEFAULT_METHODS = 'surface,paper,bm,sgbm,3way'
 
+STRESS_METHODS = 'surface,sgbm,3way'
+
 COLUMNS = (
     ('density', 'density', '{:.3f}', 'share of the visible pixels that have a range'),
     ('correct', 'correct', '{:.3f}', 'share of the visible pixels whose depth is within 1 %'),
@@ -48,6 +50,8 @@ LEGEND = '\n'.join([
 
 EXPERIMENTS_OUTPUT = Path('evaluation_output')
 
+STRESS_OUTPUT = Path('stress_output')
+
 ABLATION_COLUMNS = (('density', '{:.4f}'), ('mean_percent', '{:.4f}'), ('median_px', '{:.4f}'),
                     ('bad_1', '{:.4f}'), ('false_share', '{:.4f}'), ('milliseconds', '{:.1f}'))
 
@@ -59,17 +63,27 @@ def add_arguments(parser):
                         help='scene folders (left.png right.png left.yaml right.yaml truth.npz) '
                              'or folders of them; without any, the experiments of the paper on '
                              'the simulated rig')
-    parser.add_argument('--methods', default=DEFAULT_METHODS, metavar='A,B',
+    parser.add_argument('--methods', metavar='A,B',
                         help=f'methods, separated by commas; bm, sgbm and 3way are OpenCV\'s '
-                             f'(default {DEFAULT_METHODS})')
+                             f'(default {DEFAULT_METHODS}; with --stress {STRESS_METHODS})')
     parser.add_argument('--quick', action='store_true',
                         help='fewer and coarser experiments: minutes instead of half an hour')
     parser.add_argument('--ablation', action='store_true',
                         help='switch every stage of the first of --methods off, one at a time')
+    parser.add_argument('--stress', action='store_true',
+                        help='disturb the simulated rig as real rigs are disturbed: rows, focus, '
+                             'color, light, compression and more, each in steps')
+    parser.add_argument('--only', metavar='A,B', help='with --stress: these disturbances or '
+                        'groups of them; "list" prints all')
+    parser.add_argument('--scenes', metavar='A,B', help='with --stress: these scenes '
+                        '(default: six of them)')
+    parser.add_argument('--pairs', type=int, default=1, metavar='N',
+                        help='with --stress: pairs of each scene, one after the other through one '
+                             'ColorStereo; the table shows the last one (default 1)')
     parser.add_argument('--output', type=Path, metavar='DIR', help='where the results go: '
                         'report.html, figures.json and the rendered pairs of the experiments '
-                        '(default evaluation_output); tables.txt and figures.json of FOLDER and '
-                        'of --ablation (default: printed only)')
+                        '(default evaluation_output, with --stress stress_output); tables.txt '
+                        'and figures.json of FOLDER and of --ablation (default: printed only)')
     parser.add_argument('--overwrite', action='store_true', help='replace files that are not of '
                         'an earlier run, too')
     parser.add_argument('--renders', type=Path, metavar='DIR',
@@ -94,11 +108,17 @@ def add_arguments(parser):
 def run(args):
     """Evaluate folders, the stages of a method, or run the experiments of the report."""
     from ..evaluation.methods import checked_methods
-    methods = checked_methods([name.strip() for name in args.methods.split(',')])
+    from .arguments import named
+    args.methods = args.methods or (STRESS_METHODS if args.stress else DEFAULT_METHODS)
+    methods = checked_methods(named(args.methods))
     check_arguments(args)
     experiments = not (args.ablation or args.folders)
     if experiments and args.output is None:
-        args.output = EXPERIMENTS_OUTPUT
+        args.output = STRESS_OUTPUT if args.stress else EXPERIMENTS_OUTPUT
+    if args.stress and args.only == 'list':
+        from .stress import print_disturbances
+        print_disturbances()
+        return
     if args.json and not args.overwrite:
         check_free(args.json)
     names = ('figures.json', 'report.html' if experiments else 'tables.txt')
@@ -108,13 +128,24 @@ def run(args):
             run_ablation(args, methods[0])
         elif args.folders:
             run_folders(args, methods)
+        elif args.stress:
+            from .stress import run_stress
+            run_stress(args, methods, folder_values(args), facts_of(args))
         else:
             run_experiments(args, methods)
 
 
 def check_arguments(args):
     """Refuse arguments that would have no effect."""
-    if not args.folders and folder_values(args):
+    if args.stress and (args.folders or args.ablation):
+        raise SettingsError('--stress has scenes of its own: it goes with neither FOLDER nor '
+                            '--ablation')
+    for name in ('only', 'scenes'):
+        if getattr(args, name) and not args.stress:
+            raise SettingsError(f'--{name} is for --stress')
+    if args.pairs < 1 or (args.pairs > 1 and not args.stress):
+        raise SettingsError(f'--pairs = {args.pairs}: expected 1 or more, and --stress')
+    if not (args.folders or args.stress) and folder_values(args):
         raise SettingsError(f'{next(iter(folder_values(args)))} is set, but no FOLDER is given: '
                             'the experiments of the paper have settings of their own')
     if args.json and not (args.folders or args.ablation):

@@ -162,7 +162,7 @@ def _write_rendering(folder, rendering, scene, pattern, values):
     np.savez_compressed(
         folder / 'truth.npz', depth=truth.depth, visible=truth.visible, disparity=truth.disparity,
         lit=truth.lit, seen_by_both=truth.seen_by_both, seen_by_left_only=truth.seen_by_left_only,
-        edge=truth.edge)
+        clear=truth.clear, edge=truth.edge)
     write_image(folder / 'pattern.png', pattern)
     near, far = scene.rig.depth_limits
     values = {**values, 'range.min_depth': near, 'range.max_depth': far}

@@ -68,6 +68,16 @@ def account_tuning_table():
     return constant_table(TUNING)
 
 
+def disturbance_table():
+    """Return every disturbance of the stress test."""
+    from ..evaluation.stress.disturbances import DISTURBANCES
+    lines = ['| disturbance | group | what | levels |', '|---|---|---|---|']
+    lines += [f'| `{name}` | {entry.group} | {entry.title} | '
+              f'{", ".join(f"{level:g}" for level in entry.levels)} {entry.unit} |'
+              for name, entry in DISTURBANCES.items()]
+    return '\n'.join(line.replace('  |', ' |') for line in lines) + '\n'
+
+
 def constant_table(constants, variants=None):
     """
     Return a table of constants.
@@ -121,7 +131,7 @@ def explained(provenance):
 
 TABLES = {'parameters': parameter_table, 'outputs': output_table, 'status': status_table,
           'commands': command_table, 'tuning': tuning_table, 'paper_tuning': paper_tuning_table,
-          'account_tuning': account_tuning_table}
+          'account_tuning': account_tuning_table, 'disturbances': disturbance_table}
 
 
 def with_tables(text):

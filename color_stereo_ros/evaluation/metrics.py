@@ -30,6 +30,21 @@ LOCKING_SHARE = 0.005
 LEFT_OUT = 0.25
 """No point this close to its plane is left out, px."""
 
+RIGHT = 1.0
+"""A range is right within so many px of the true correspondence."""
+
+SURE = 0.9
+"""A range of a higher confidence counts as sure."""
+
+BEND_REACH = 6
+"""Half the length over which a bend is measured, px."""
+
+BEND = (0.2, 0.5)
+"""Second difference of the true disparity over that length where a surface bends, px."""
+
+BEND_PIXELS = 500
+"""Fewest pixels from which figures of bends are taken."""
+
 ROBUST_STD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
 
@@ -42,6 +57,10 @@ class Truth:
     """float32 (H, W), m along Z of the rectified left camera, NaN = unknown."""
     visible: np.ndarray
     """bool (H, W): seen by both cameras and lit by the projector."""
+    disparity: np.ndarray = None
+    """float64 (H, W), px, of the true correspondence in the pair as given; None: the depth's."""
+    lit: np.ndarray = None
+    """bool (H, W): lit and inside the raw left image; None: not known."""
 
 
 def measure(result, truth):
@@ -67,6 +86,7 @@ def measure(result, truth):
     check_sizes(result, truth)
     return {**accuracy(result, truth),
             'false_share': false_share(result, truth),
+            'words': words(result, truth),
             'planes': plane_fit(result, truth),
             'locking': pixel_locking(result, truth),
             'curve': density_curve(result, truth),
@@ -87,10 +107,99 @@ def check_sizes(result, truth):
         raise ImageError('truth.visible is false everywhere: there is nothing to measure')
 
 
+def true_disparity(truth, geometry):
+    """Return the disparity of the true correspondence, px, float64 (H, W), NaN = unknown."""
+    if truth.disparity is not None:
+        return truth.disparity
+    return disparity_from_depth(truth.depth.astype(np.float64), geometry)
+
+
 def disparity_errors(result, truth):
     """Return measured minus true disparity, px, float64 (H, W), NaN where either is unknown."""
-    return result.disparity - disparity_from_depth(truth.depth.astype(np.float64),
-                                                   result.geometry)
+    return result.disparity - true_disparity(truth, result.geometry)
+
+
+def words(result, truth):
+    """
+    Return the figures by which ranges are judged where a calibration may be wrong.
+
+    Right and wrong refer to the true correspondence in the pair as given. Only `depth_percent`
+    compares meters.
+
+    Returns
+    -------
+    figures : dict
+        `visible` (pixels); `density`, `right` (shares of the visible pixels); `wrong` (share of
+        the visible pixels with a range); `median_px`; `false`, `false_wrong` (shares of all
+        ranges: where only the left camera sees, and off by more than 1 px there, too); `cover`
+        (share of the lit pixels that are right, visible or not; None if `truth.lit` is not
+        known); `depth_percent` (mean error, % of the true depth); `hi` (share wrong among sure
+        ranges); `sure` (share of the right ranges that are sure); `sure_pixels` (share of all
+        pixels); `z68`; `bends` (of `bend_figures`).
+
+    """
+    given = np.isfinite(result.disparity)
+    known = np.isfinite(true_disparity(truth, result.geometry))
+    error = np.abs(disparity_errors(result, truth))
+    visible, sure = truth.visible & known, given & (result.confidence > SURE)
+    with np.errstate(invalid='ignore'):
+        right, off = given & (error <= RIGHT), given & (error > RIGHT)
+    answered, hidden = visible & given, given & known & ~visible
+    figures = {
+        'visible': int(np.count_nonzero(visible)),
+        'density': share(answered, visible), 'right': share(right & visible, visible),
+        'wrong': share(off & visible, answered), 'median_px': _number(np.median, error[answered]),
+        'false': share(hidden, given), 'false_wrong': share(hidden & off, given),
+        'cover': None if truth.lit is None else share(right & truth.lit, truth.lit & known),
+        'depth_percent': _number(np.mean, 100 * np.abs(result.depth - truth.depth)[answered]
+                                 / truth.depth[answered]),
+        'hi': share(off & visible & sure, visible & sure),
+        'sure': share(right & visible & sure, right & visible),
+        'sure_pixels': float(np.mean(sure))}
+    return {**figures, 'z68': z68(error, result.disparity_std, answered),
+            'bends': bend_figures(result, truth)}
+
+
+def share(part, whole):
+    """Return the share of the pixels of one mask that are in another, None without any."""
+    count = np.count_nonzero(whole)
+    return np.count_nonzero(part) / count if count else None
+
+
+def z68(errors, deviations, mask):
+    """Return the 68th percentile of abs(error / disparity_std), None where there is no std."""
+    with np.errstate(invalid='ignore', divide='ignore'):
+        scores = np.abs(errors[mask] / deviations[mask])
+    return _number(lambda each: np.percentile(each, 68), scores[np.isfinite(scores)])
+
+
+def bends(truth, geometry):
+    """
+    Return where a smooth surface bends within a matching window, bool (H, W).
+
+    There the second difference of the true disparity over `2 * BEND_REACH` px lies within `BEND`
+    along the row or along the column, and no depth edge is near.
+
+    """
+    disparity = true_disparity(truth, geometry)
+    largest = np.zeros(disparity.shape)
+    for axis in (0, 1):
+        ahead, behind = np.roll(disparity, -BEND_REACH, axis), np.roll(disparity, BEND_REACH, axis)
+        largest = np.fmax(largest, np.abs(ahead - 2 * disparity + behind))
+    inner = np.zeros(disparity.shape, bool)
+    inner[BEND_REACH:-BEND_REACH, BEND_REACH:-BEND_REACH] = True
+    return (truth.visible & inner & ~depth_edges(truth, geometry)
+            & (largest >= BEND[0]) & (largest <= BEND[1]))
+
+
+def bend_figures(result, truth):
+    """Return `median_px`, `z68` and `pixels` of the ranges where surfaces bend, None if few."""
+    mask = bends(truth, result.geometry) & np.isfinite(result.disparity)
+    if np.count_nonzero(mask) < BEND_PIXELS:
+        return None
+    errors = np.abs(disparity_errors(result, truth))
+    return {'median_px': float(np.median(errors[mask])), 'pixels': int(np.count_nonzero(mask)),
+            'z68': z68(errors, result.disparity_std, mask)}
 
 
 def accuracy(result, truth):

@@ -15,7 +15,7 @@ from .electronics import expose, exposures_for
 from .transport import direct_image, DirectLight, indirect_image, sample_direct, World
 from .truth import find_truth, Truth
 
-CACHE_VERSION = 4  # raised when the meaning of cached files changes
+CACHE_VERSION = 5  # raised when the meaning of cached files changes
 SAMPLES = 4        # per pixel along either axis
 
 

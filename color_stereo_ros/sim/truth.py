@@ -29,6 +29,8 @@ class Truth:
     """bool (H, W), a surface inside both raw images and hidden from neither camera."""
     seen_by_left_only: np.ndarray
     """bool (H, W), a surface in the left raw image that the right camera does not see."""
+    clear: np.ndarray
+    """bool (H, W), a surface that nothing hides from the right camera, beyond its image, too."""
     lit: np.ndarray
     """bool (H, W), a surface that the projector lights directly."""
     edge: np.ndarray
@@ -133,19 +135,20 @@ def find_truth(world, pattern_shape):
     depth = np.where(hit, distance * z_share, np.nan)
     points = origins[hit] + distance[hit, None] * directions[hit]
     facing = normal[hit] * -np.sign(np.sum(normal[hit] * directions[hit], axis=1))[:, None]
-    in_left, both, lit = (np.zeros(hit.size, bool) for _ in range(3))
+    in_left, clear, both, lit = (np.zeros(hit.size, bool) for _ in range(4))
     in_left[hit] = inside_image(rig.left, points)
-    both[hit] = (in_left[hit] & _in_rectified_right(rig, hit, depth)
-                 & _seen(world, rig.right, points, facing))
+    clear[hit] = _clear(world, rig.right, points, facing)
+    both[hit] = (in_left[hit] & clear[hit] & inside_image(rig.right, points)
+                 & _in_rectified_right(rig, hit, depth))
     lit[hit] = _lit(world, points, facing, pattern_shape)
-    depth = depth.reshape(shape)
-    both, lit, in_left = both.reshape(shape), lit.reshape(shape), in_left.reshape(shape)
+    depth, in_left, clear, both, lit = (
+        each.reshape(shape) for each in (depth, in_left, clear, both, lit))
     return Truth(
         depth=depth.astype(np.float32),
         disparity=(geometry.focal_baseline / depth + geometry.principal_offset).astype(
             np.float32),
-        visible=both & lit, seen_by_both=both, seen_by_left_only=in_left & ~both, lit=lit,
-        edge=edge_region(depth))
+        visible=both & lit, seen_by_both=both, seen_by_left_only=in_left & ~both, clear=clear,
+        lit=lit, edge=edge_region(depth))
 
 
 def _in_rectified_right(rig, hit, depth):
@@ -156,10 +159,10 @@ def _in_rectified_right(rig, hit, depth):
     return (match >= 0) & (match <= geometry.width - 1)
 
 
-def _seen(world, camera, points, facing):
+def _clear(world, camera, points, facing):
     eye = camera.pose.position
     front = np.sum(facing * (eye - points), axis=1) > 0
-    return front & inside_image(camera, points) & sees(world, points + GAP * facing, eye)
+    return front & sees(world, points + GAP * facing, eye)
 
 
 def _lit(world, points, facing, pattern_shape):
