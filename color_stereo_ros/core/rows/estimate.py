@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From evidence to alignments: robust least squares, what is carried on, what is corrected."""
+
+import numpy as np
+
+from .alignment import RowEvidence, terms
+from .tuning import TUNING
+
+
+def updated(prior, x, y, dy, information, disparity):
+    """
+    Return the alignment that a pair and what was known before show together.
+
+    Parameters
+    ----------
+    prior : Alignment
+    x, y, dy : numpy.ndarray, float64, shape (N,)
+        Place in the right image and row error there, px.
+    information : numpy.ndarray, float64, shape (N,)
+        Of dy, px^-2, up to a common factor.
+    disparity : numpy.ndarray, float64, shape (N,)
+        px.
+
+    Returns
+    -------
+    alignment : Alignment
+        `observable` and `evidence` are those of the pair; `applied` is that of the prior. Where
+        the pair shows no rows, the coefficients are those of the prior.
+
+    """
+    tuning = TUNING.estimate
+    there = terms(x, y, prior.size)
+    carried = np.linalg.inv(prior.covariance)
+    start = np.linalg.inv(np.diag(np.square(tuning.prior_std)))
+    # process noise: a mounting may yield from pair to pair
+    carried = start + tuning.keep * (carried - start)
+    if len(dy) < tuning.least_cells:
+        return prior.but(covariance=np.linalg.inv(carried), observable=False,
+                         evidence=RowEvidence.none())
+    found, weight, scatter = robust_fit(there, dy, information, start, prior.coefficients)
+    normal = there.T @ (weight[:, None] * there)
+    own = _limited(normal)
+    evidence = RowEvidence(x, y, dy, 1 / np.sqrt(np.maximum(weight, 1e-6)), disparity)
+    mean = np.average(there, axis=0, weights=weight)
+    if not mean @ np.linalg.inv(own + start) @ mean < tuning.vague ** 2:
+        return prior.but(covariance=np.linalg.inv(carried), observable=False, evidence=evidence)
+    moved = there @ (found - prior.coefficients)
+    if np.average(moved * moved, weights=weight) > tuning.bump ** 2:
+        carried, center = start, np.zeros(len(found))
+    else:
+        center = prior.coefficients
+    # both are information about the same coefficients; the pair's own is about `found`
+    total = carried + own
+    coefficients = np.linalg.solve(total, carried @ center + own @ found)
+    return prior.but(coefficients=coefficients, covariance=np.linalg.inv(total), observable=True,
+                     evidence=evidence)
+
+
+def robust_fit(there, dy, information, start, center):
+    """
+    Fit coefficients by iteratively reweighted least squares with Cauchy weights.
+
+    Parameters
+    ----------
+    there : numpy.ndarray, float64, shape (N, 7)
+        See `alignment.terms`.
+    dy, information : numpy.ndarray, float64, shape (N,)
+        px and px^-2; the latter up to a common factor.
+    start : numpy.ndarray, float64, shape (7, 7)
+        Inverse of the covariance that holds before anything is seen, px^-2.
+    center : numpy.ndarray, float64, shape (7,)
+        Where to begin, px.
+
+    Returns
+    -------
+    coefficients : numpy.ndarray, float64, shape (7,)
+        px.
+    weight : numpy.ndarray, float64, shape (N,)
+        Inverse variance of each dy as it counts, px^-2.
+    scatter : float
+        Of the cells around the model, in their standard deviations.
+
+    """
+    tuning = TUNING.estimate
+    deviation = 1 / np.sqrt(information) + tuning.least_scatter
+    # begin with the median: the rows may be off by more than any cell is reliable for
+    center = center.copy()
+    center[0] += np.median(dy - there @ center)
+    for _ in range(tuning.iterations):
+        apart = np.abs(dy - there @ center) / deviation
+        scatter = np.median(apart) / 0.6745
+        limit = tuning.outlier * scatter
+        weight = 1 / (np.square(scatter * deviation) * (1 + np.square(apart / limit)))
+        normal = there.T @ (weight[:, None] * there)
+        center = np.linalg.solve(normal + start, there.T @ (weight * dy))
+    return center, weight, scatter
+
+
+def _limited(normal):
+    """Return the information of one pair, bounded by `floor_std`: (N^-1 + floor^2)^-1."""
+    floor = TUNING.estimate.floor_std ** 2
+    return np.linalg.solve(np.eye(len(normal)) + floor * normal, normal)
+
+
+def applicable(alignment):
+    """
+    Return the coefficients by which the rows of the next pair are to be corrected.
+
+    Parameters
+    ----------
+    alignment : Alignment
+
+    Returns
+    -------
+    applied : numpy.ndarray, float64, shape (7,)
+        px; exactly 0 where the rows agree, and exactly those applied so far where nearly nothing
+        would change.
+
+    """
+    use, there = TUNING.use, _everywhere(alignment.size)
+    error = there @ alignment.coefficients
+    variance = np.einsum('ij,jk,ik->i', there, alignment.covariance, there)
+    weight = 1 / (TUNING.estimate.vague ** 2 + variance)
+    least = use.least_error_left if alignment.applied.any() else use.least_error
+    if not np.average(error * error, weights=weight) > least ** 2:
+        return np.zeros_like(alignment.coefficients)
+    if np.abs(error - there @ alignment.applied).max() < use.least_change:
+        return alignment.applied
+    return alignment.coefficients
+
+
+def field_apart(one, other):
+    """Return by how much two alignments differ, root mean square over the image, px."""
+    apart = _everywhere(one.size) @ (one.coefficients - other.coefficients)
+    return float(np.sqrt(np.mean(apart * apart)))
+
+
+def left_over(alignment):
+    """Return the row error left in a pair, root mean square over its evidence, px."""
+    evidence = alignment.evidence
+    if not (alignment.observable and len(evidence.x)):
+        return 0.0
+    rest = alignment.rest(evidence.x, evidence.y)
+    return float(np.sqrt(np.average(rest * rest, weights=1 / np.square(evidence.sigma))))
+
+
+def _everywhere(size):
+    """Return the terms at 5 x 5 places of an image, float64 (25, 7)."""
+    width, height = size
+    x, y = np.meshgrid(np.linspace(0, width - 1, 5), np.linspace(0, height - 1, 5))
+    return terms(x, y, size).reshape(25, -1)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pair is measured again until the rows of its views agree."""
+
+from ..rows.alignment import Alignment, RowEvidence
+from ..rows.estimate import applicable, field_apart, left_over
+from ..rows.tuning import TUNING
+
+
+class Aligner:
+    """
+    Measures the rows of pairs and corrects them.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height of the image, px.
+    correct : bool
+        Correct the rows; False: only measure them.
+
+    """
+
+    def __init__(self, size, correct):
+        """Take what is the same for all pairs."""
+        self.size, self.correct = size, correct
+
+    def align(self, prior, measured, search):
+        """
+        Measure one pair with its rows corrected.
+
+        Parameters
+        ----------
+        prior : Alignment or None
+            What is known of the rows.
+        measured : callable
+            Measures the pair with the rows of the right view corrected by prior.applied; takes
+            an Alignment and returns that which the pair shows.
+        search : callable or None
+            Searches the pair from nothing; returns an Alignment or None, and a sentence.
+
+        Returns
+        -------
+        alignment : Alignment
+            That of the last call of `measured`.
+
+        """
+        prior = Alignment.unknown(self.size) if prior is None else prior
+        found = self.followed(prior, measured)
+        if found.agreeing:
+            return found.but(searched='', wait=0, tries=0)
+        if not found.due:
+            return settled(prior, found).but(wait=found.wait - 1)
+        if prior.applied.any() and self.correct:
+            fresh = self.followed(Alignment.unknown(self.size), measured)
+            if better(fresh, found):
+                return fresh.but(searched='')
+            found = self.followed(prior, measured)
+        if search is None:
+            return settled(prior, found)
+        return self.after(*search(), prior, found, measured)
+
+    def after(self, start, sentence, prior, found, measured):
+        """
+        Go on from what a search has found.
+
+        Parameters
+        ----------
+        start : Alignment or None
+        sentence : str
+            What was found that cannot be corrected.
+        prior, found : Alignment
+            Before the pair, and what the pair shows without the search.
+        measured : callable
+            See `align`.
+
+        Returns
+        -------
+        alignment : Alignment
+
+        """
+        if start is not None and self.correct and field_apart(start, found) > TUNING.use.bump:
+            other = self.followed(start, measured)
+            if better(other, found):
+                return other.but(searched='')
+            found = self.followed(prior, measured)
+        elif start is not None and not self.correct:
+            found = start.but(applied=found.applied, agreeing=False, misfit=found.misfit)
+            prior = found
+        return failed(settled(prior, found), sentence)
+
+    def followed(self, prior, measured):
+        """Measure the pair until nothing is left that its matches show; see `align`."""
+        use = TUNING.use
+        applied = applicable(prior) if self.correct else prior.applied
+        for turn in range(use.turns):
+            found = measured(prior.but(applied=applied))
+            left = left_over(found)
+            if not self.correct or left < use.again or turn == use.turns - 1:
+                break
+            if not found.agreeing and left < use.followed:
+                break
+            applied = found.coefficients
+        return found
+
+
+def better(one, other):
+    """Return whether the views agree clearly better under one alignment than under another."""
+    return one.misfit < TUNING.use.better * other.misfit
+
+
+def settled(prior, found):
+    """Return what is carried on of a pair whose views do not agree: what was known before."""
+    if found.misfit < TUNING.use.better * prior.misfit:
+        return found
+    return found.but(coefficients=prior.coefficients, covariance=prior.covariance,
+                     evidence=RowEvidence.none())
+
+
+def failed(alignment, sentence):
+    """Return an alignment after a search in vain: the next one waits twice as long."""
+    tries = alignment.tries + 1
+    return alignment.but(searched=sentence, tries=tries,
+                         wait=min(2 ** tries, TUNING.search.largest_wait))
