@@ -118,15 +118,24 @@ def applicable(alignment):
 
     """
     use, there = TUNING.use, _everywhere(alignment.size)
-    error = there @ alignment.coefficients
-    variance = np.einsum('ij,jk,ik->i', there, alignment.covariance, there)
-    weight = 1 / (TUNING.estimate.vague ** 2 + variance)
-    least = use.least_error_left if alignment.applied.any() else use.least_error
-    if not np.average(error * error, weights=weight) > least ** 2:
+    if not significant(alignment):
         return np.zeros_like(alignment.coefficients)
-    if np.abs(error - there @ alignment.applied).max() < use.least_change:
+    change = there @ (alignment.coefficients - alignment.applied)
+    if alignment.applied.any() and np.abs(change).max() < use.least_change:
         return alignment.applied
     return alignment.coefficients
+
+
+def significant(alignment):
+    """Return whether the rows disagree by more than is worth a correction, and than chance."""
+    use, there = TUNING.use, _everywhere(alignment.size)
+    coefficients, covariance = alignment.coefficients, alignment.covariance
+    least = use.least_error_left if alignment.applied.any() else use.least_error
+    variance = np.einsum('ij,jk,ik->i', there, covariance, there)
+    error = np.average(np.square(there @ coefficients),
+                       weights=1 / (TUNING.estimate.vague ** 2 + variance))
+    return bool(error > least ** 2 and coefficients @ np.linalg.solve(covariance, coefficients)
+                > use.least_chi_square)
 
 
 def field_apart(one, other):

@@ -57,6 +57,9 @@ class UseTuning(Constants):
     least_error_left: float = constant(
         0.015, 'px', 'The same once rows are corrected.',
         derived('Half: the correction must not come and go.'))
+    least_chi_square: float = constant(
+        30.0, '1', 'Least sum of squares of the coefficients in standard deviations that is not '
+        'chance.', derived('Chi-square with seven degrees of freedom: chance of .0001.'))
     least_change: float = constant(
         0.004, 'px', 'Largest change of the correction that is not worth new maps.',
         derived('Less than the precision of a pair.'))

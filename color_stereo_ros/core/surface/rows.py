@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 
 from ..rows.alignment import RowEvidence, terms
-from ..rows.estimate import updated
+from ..rows.estimate import significant, updated
 from ..rows.tuning import TUNING as ROWS
 from .grid_kernels import F4
 from .row_kernels import (
@@ -84,6 +84,8 @@ class RowTracker:
         alignment : Alignment
 
         """
+        if not (alignment.applied.any() or significant(alignment)):
+            return
         lines, columns = self.shape
         x, y = np.meshgrid(2.0 * CELL * np.arange(columns) + CELL - 0.5,
                            2.0 * CELL * np.arange(lines) + CELL - 0.5)
