@@ -40,7 +40,7 @@ def updated(prior, x, y, dy, information, disparity):
     found, weight, scatter = robust_fit(there, dy, information, start, prior.coefficients)
     normal = there.T @ (weight[:, None] * there)
     own = _limited(normal)
-    evidence = RowEvidence(x, y, dy, 1 / np.sqrt(np.maximum(weight, 1e-6)), disparity)
+    evidence = RowEvidence(x, y, dy, 1 / np.sqrt(np.maximum(weight, tuning.least_weight)), disparity)
     mean = np.average(there, axis=0, weights=weight)
     if not mean @ np.linalg.inv(own + start) @ mean < tuning.vague ** 2:
         return prior.but(covariance=np.linalg.inv(carried), observable=False, evidence=evidence)
@@ -88,7 +88,7 @@ def robust_fit(there, dy, information, start, center):
     center[0] += np.median(dy - there @ center)
     for _ in range(tuning.iterations):
         apart = np.abs(dy - there @ center) / deviation
-        scatter = np.median(apart) / 0.6745
+        scatter = np.median(apart) / tuning.half
         limit = tuning.outlier * scatter
         weight = 1 / (np.square(scatter * deviation) * (1 + np.square(apart / limit)))
         normal = there.T @ (weight[:, None] * there)

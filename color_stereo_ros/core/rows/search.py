@@ -134,7 +134,7 @@ def chromaticities(image):
     """Return r - g and b - (r + g) / 2 over the brightness as two images, uint8 (H, W)."""
     r, g, b = (each.astype(np.float32) for each in cv2.split(image))
     per_unit = np.float32(TUNING.search.gray) / (r + g + b + np.float32(TUNING.search.dark))
-    return [cv2.convertScaleAbs(color * per_unit + np.float32(128))
+    return [cv2.convertScaleAbs(color * per_unit + np.float32(TUNING.search.middle))
             for color in (r - g, b - np.float32(0.5) * (r + g))]
 
 
@@ -161,7 +161,7 @@ def _matched(sift, left, right, inside):
 def about_others(left, right):
     """Return what matches tell of which the rows do not agree, as a sentence."""
     tuning = TUNING.search
-    model, agree = cv2.estimateAffinePartial2D(left, right, ransacReprojThreshold=8.0)
+    model, agree = cv2.estimateAffinePartial2D(left, right, ransacReprojThreshold=tuning.turned)
     if model is None or np.count_nonzero(agree) < max(tuning.least_matches,
                                                      tuning.least_share * len(left)):
         return ASTRAY

@@ -36,6 +36,12 @@ class EstimateTuning(Constants):
     outlier: float = constant(
         2.5, '1', 'Deviations at which a cell has half of its weight (Cauchy).',
         chosen('Half-occluded cells and mirrors must not count.'))
+    half: float = constant(
+        0.6745, '1', 'Deviations that half of the cells stay within.',
+        derived('Third quartile of the normal distribution.'))
+    least_weight: float = constant(
+        1e-6, 'px^-2', 'Smallest weight that is divided by.',
+        derived('A standard deviation of 1000 px: an outlier.'))
     least_scatter: float = constant(
         0.02, 'px', 'Smallest scatter of the cells around the model.',
         derived('Far below what noise gives; prevents division by 0.'))
@@ -68,7 +74,7 @@ class UseTuning(Constants):
         'pair is measured again.',
         chosen('It adds .015 px to the disparities, as much as noise.'))
     turns: int = constant(
-        6, '1', 'Largest number of times that one pair is measured.',
+        8, '1', 'Largest number of times that one pair is measured.',
         chosen('2 px need five, 1 px four, .5 px and what a search has found two.'))
     poor: float = constant(
         3.0, '1', 'Median misfit of cells from which the views do not agree.',
@@ -107,6 +113,11 @@ class SearchTuning(Constants):
     gray: float = constant(
         96.0, '1', 'Steps of 8 bit per unit of chromaticity.',
         unexplained('Hues of a full pattern use most of the 256 steps.'))
+    middle: float = constant(
+        128.0, '1', 'Gray value of a surface without color.', derived('The middle of 8 bit.'))
+    turned: float = constant(
+        8.0, 'px', 'Distance up to which a match agrees with a view that is turned or far off.',
+        unexplained('Depth moves matches along the rows; a rough answer is enough.'))
     dark: float = constant(
         24.0, 'DN', 'Added to the sum of the channels: dark noise has no color.',
         unexplained('As `views.print_offset`.'))

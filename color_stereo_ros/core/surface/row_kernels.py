@@ -11,10 +11,10 @@ from .tuning import TUNING
 CELL = TUNING.rows.cell
 CELL_STEP, NODE_STEP = TUNING.rows.cell_step, TUNING.rows.node_step
 LEAST_SLOPE = F4(TUNING.rows.least_slope)
-COUNT, INFORMATION, PULL, MISFIT, PLACE, DISPARITY, STRUCTURE = range(7)
+ROUNDING = F4(TUNING.rows.rounding)
+QUANTITIES = 'count', 'information', 'pull', 'misfit', 'place', 'disparity', 'structure'
 """What `row_cells` writes of a cell, see there."""
-QUANTITIES = 7
-ROUNDING = F4(1 / 32)  # px, as in `cameras.rectification`
+COUNT, INFORMATION, PULL, MISFIT, PLACE, DISPARITY, STRUCTURE = range(len(QUANTITIES))
 
 
 @banded(fastmath=FAST)

@@ -32,7 +32,7 @@ class RowTracker:
         self.variance_factor = tuning.trust.variance_factor
         lines, columns = (-(-count // CELL) for count in grid.nodes)
         self.shape = lines, columns
-        self.cells = arena.zeros((lines, -(-columns // CELL_STEP), QUANTITIES), F4)
+        self.cells = arena.zeros((lines, -(-columns // CELL_STEP), len(QUANTITIES)), F4)
         self.middle = np.broadcast_to(
             2.0 * CELL * np.arange(lines)[:, None] + CELL - 0.5, self.cells.shape[:2])
 

@@ -314,6 +314,10 @@ class RowTuning(Constants):
     least_slope: float = constant(
         1e-6, 'px^-2', 'Smallest weight of slopes that is divided by.',
         derived('No information about the disparity; prevents division by 0.'), compiled=True)
+    rounding: float = constant(
+        1 / 32, 'px', 'How far outside the raw image a place still counts as inside.',
+        derived('The resolution of the maps of OpenCV, as in `cameras.rectification`.'),
+        compiled=True)
     least_nodes: int = constant(
         16, 'nodes', 'Compared nodes from which a cell says something.',
         derived('Half of the nodes that a cell asks.'))
