@@ -13,6 +13,7 @@ from .compiled import refuse_after_fork
 from .methods import make_method
 from .results import RangeResult
 from .rows.alignment import Alignment
+from .rows.estimate import resumed
 from .rows.search import search
 from .settings import Settings
 from .triangulation import disparity_limits
@@ -140,7 +141,8 @@ class ColorStereo:
         """
         Search a pair for the row error of the views, from nothing.
 
-        Takes up to half a second at 640 x 480; may run beside `process` in another thread.
+        Takes up to half a second at 640 x 480; may run beside `process` in another thread. Of
+        use where `alignment.due`.
 
         Parameters
         ----------
@@ -149,13 +151,17 @@ class ColorStereo:
 
         Returns
         -------
-        alignment : Alignment or None
-            For `adopt`; None where the images do not tell.
-        sentence : str
-            What was found that cannot be corrected; '' if nothing.
+        alignment : Alignment
+            For `adopt`.
+
+        Raises
+        ------
+        ImageError
+            If an image is no array, or its type or size is wrong.
 
         """
-        return self._searched(*self._rectifier.checked(left, right))
+        found = self._searched(*self._rectifier.checked(left, right))
+        return resumed(self.alignment, *found)
 
     @property
     def alignment(self):

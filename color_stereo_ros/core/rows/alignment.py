@@ -106,6 +106,8 @@ class Alignment:
     """Whether the views of this pair agree at their matches once the rows are corrected."""
     misfit: float = float('nan')
     """Median misfit of the cells of this pair, about 1 where the views agree; inf: no matches."""
+    scatter: float = float('nan')
+    """Of the cells of this pair around the coefficients that it shows alone, px; robust."""
     searched: str = ''
     """What a search has found that cannot be corrected, as a sentence; '' if nothing."""
     evidence: RowEvidence = field(default_factory=RowEvidence.none)
@@ -168,7 +170,7 @@ class Alignment:
         width, height = self.size
         x, y = np.meshgrid((np.arange(3) + 0.5) / 3 * width, (np.arange(3) + 0.5) / 3 * height)
         errors, spread = self.error(x, y), self.error_std(x, y)
-        errors[~(spread < np.maximum(TUNING.estimate.vague, np.abs(errors) / 4))] = 0
+        errors[~(spread < np.maximum(TUNING.estimate.useful, np.abs(errors) / 4))] = 0
         at = np.unravel_index(np.argmax(np.abs(errors)), errors.shape)
         return float(errors[at]), PLACES[at[0]][at[1]]
 

@@ -37,7 +37,9 @@ def updated(prior, x, y, dy, information, disparity):
     if len(dy) < tuning.least_cells:
         return prior.but(covariance=np.linalg.inv(carried), observable=False,
                          evidence=RowEvidence.none())
-    found, weight, scatter = robust_fit(there, dy, information, start, prior.coefficients)
+    found, weight = robust_fit(there, dy, information, start, prior.coefficients)
+    scatter = float(np.median(np.abs(dy - there @ found)) / tuning.half)
+    prior = prior.but(scatter=scatter)
     normal = there.T @ (weight[:, None] * there)
     own = _limited(normal)
     evidence = RowEvidence(x, y, dy, 1 / np.sqrt(np.maximum(weight, tuning.least_weight)), disparity)
@@ -77,8 +79,6 @@ def robust_fit(there, dy, information, start, center):
         px.
     weight : numpy.ndarray, float64, shape (N,)
         Inverse variance of each dy as it counts, px^-2.
-    scatter : float
-        Of the cells around the model, in their standard deviations.
 
     """
     tuning = TUNING.estimate
@@ -93,7 +93,7 @@ def robust_fit(there, dy, information, start, center):
         weight = 1 / (np.square(scatter * deviation) * (1 + np.square(apart / limit)))
         normal = there.T @ (weight[:, None] * there)
         center = np.linalg.solve(normal + start, there.T @ (weight * dy))
-    return center, weight, scatter
+    return center, weight
 
 
 def _limited(normal):
@@ -133,7 +133,7 @@ def significant(alignment):
     least = use.least_error_left if alignment.applied.any() else use.least_error
     variance = np.einsum('ij,jk,ik->i', there, covariance, there)
     error = np.average(np.square(there @ coefficients),
-                       weights=1 / (TUNING.estimate.vague ** 2 + variance))
+                       weights=1 / (TUNING.estimate.useful ** 2 + variance))
     return bool(error > least ** 2 and coefficients @ np.linalg.solve(covariance, coefficients)
                 > use.least_chi_square)
 
@@ -142,6 +142,37 @@ def field_apart(one, other):
     """Return by how much two alignments differ, root mean square over the image, px."""
     apart = _everywhere(one.size) @ (one.coefficients - other.coefficients)
     return float(np.sqrt(np.mean(apart * apart)))
+
+
+def failed(alignment, sentence):
+    """Return an alignment after a search in vain: the next one waits twice as long."""
+    tries = alignment.tries + 1
+    return alignment.but(searched=sentence, tries=tries,
+                         wait=min(2 ** tries, TUNING.search.largest_wait))
+
+
+def resumed(current, found, sentence):
+    """
+    Return what to go on with after a search beside the pairs.
+
+    Parameters
+    ----------
+    current : Alignment
+        Carried now.
+    found : Alignment or None
+        Of the search.
+    sentence : str
+        What was found that cannot be corrected; '' if nothing.
+
+    Returns
+    -------
+    alignment : Alignment
+        The next pairs must confirm it before another search begins.
+
+    """
+    if found is None or field_apart(found, current) < TUNING.use.bump:
+        return failed(current, sentence)
+    return failed(found.but(tries=current.tries, agreeing=False), sentence)
 
 
 def left_over(alignment):

@@ -38,9 +38,9 @@ def search(pair, limits):
     """
     tuning = TUNING.search
     size = pair.geometry.width, pair.geometry.height
-    left, right = matches(pair)
+    left, right, features = matches(pair)
     if len(left) < tuning.least_matches:
-        return None, ''
+        return None, ASTRAY if features >= tuning.least_features else ''
     disparity = left[:, 0] - right[:, 0]
     inside = ((disparity > limits[0] - tuning.margin) & (disparity < limits[1] + tuning.margin))
     found, agree = fit(left[inside], right[inside], size)
@@ -117,6 +117,8 @@ def matches(pair):
     -------
     left, right : numpy.ndarray, float64, shape (N, 2)
         Column and row, px.
+    features : int
+        Points that the poorer view shows, whether the other one has them or not.
 
     """
     scale = min(1.0, TUNING.search.largest_width / pair.geometry.width)
@@ -125,9 +127,10 @@ def matches(pair):
               for each in (pair.left_inside, pair.right_inside)]
     both = [chromaticities(_reduced(image, scale)) for image in (pair.left, pair.right)]
     found = [_matched(sift, left, right, inside) for left, right in zip(*both)]
-    left, right = (np.concatenate([each[side] for each in found]) for side in (0, 1))
     # pixel centers: (x + .5) / scale - .5
-    return tuple((each + 0.5) / scale - 0.5 for each in (left, right))
+    left, right = ((np.concatenate([each[side] for each in found]) + 0.5) / scale - 0.5
+                   for side in (0, 1))
+    return left, right, sum(each[2] for each in found)
 
 
 def chromaticities(image):
@@ -145,17 +148,17 @@ def _reduced(image, scale):
 
 
 def _matched(sift, left, right, inside):
-    """Return the places of the matches of one chromaticity, float64 (N, 2) twice, px."""
-    nothing = np.zeros((0, 2))
+    """Return what `matches` does, of one chromaticity."""
     points, features = zip(*(sift.detectAndCompute(image, mask)
                              for image, mask in zip((left, right), inside)))
     if any(each is None or len(each) < 2 for each in features):
-        return nothing, nothing
+        return *np.zeros((2, 0, 2)), 0
     pairs = cv2.BFMatcher().knnMatch(*features, k=2)
     good = [first for first, second in pairs
             if first.distance < TUNING.search.ratio * second.distance]
     return (np.array([points[0][each.queryIdx].pt for each in good]).reshape(-1, 2),
-            np.array([points[1][each.trainIdx].pt for each in good]).reshape(-1, 2))
+            np.array([points[1][each.trainIdx].pt for each in good]).reshape(-1, 2),
+            min(map(len, points)))
 
 
 def about_others(left, right):

@@ -49,7 +49,10 @@ class EstimateTuning(Constants):
         24, 'cells', 'Cells with vertical structure below which nothing is said.',
         unexplained('Three for each coefficient.'))
     vague: float = constant(
-        0.1, 'px', 'Standard deviation of the mean row error above which it is not observable.',
+        0.06, 'px', 'Standard deviation of the mean row error above which it is not observable.',
+        chosen('JPEG of quality 60 .035, vertical stripes .02 to .05 px.'))
+    useful: float = constant(
+        0.1, 'px', 'Standard deviation of the row error at a place where it is half known.',
         derived('A row error of .1 px shows in the disparities.'))
 
 
@@ -83,6 +86,20 @@ class UseTuning(Constants):
     least_share: float = constant(
         0.3, '1', 'Share of the cells with vertical structure that must have matches.',
         unexplained('Undisturbed pairs have .8 and more.'))
+    least_structured: float = constant(
+        0.25, '1', 'Share of the lit cells that must have vertical structure.',
+        chosen('Vertical stripes .00 to .26, at depth edges, where the views differ; '
+               'two-dimensional patterns .28 to 1.'))
+    steady: float = constant(
+        0.15, 'px', 'Scatter of the cells around the model below which the views agree, however '
+        'large the misfit is.',
+        chosen('1 % hot pixels .1 px, chance matches .19 to .28 px.'))
+    doubt: float = constant(
+        2.0, '1', 'Log-odds that all nodes lose where the views do not agree, per doubling of '
+        'the misfit above `poor`.',
+        chosen('Two scenes: 3 % of the pixels had chance ranges of confidence above .9.'))
+    largest_doubt: float = constant(
+        6.0, '1', 'Largest such loss.', unexplained('Leaves no range of a usual node.'))
     followed: float = constant(
         0.3, 'px', 'Row error left in a pair that does not agree from which it is followed.',
         chosen('1 to 3 px off shows .4 to .9 px, two different scenes .1 px.'))
@@ -142,6 +159,9 @@ class SearchTuning(Constants):
         chosen('.21 to .34 px on path-traced pairs.'))
     least_matches: int = constant(
         40, '1', 'Matches that must agree.', unexplained('Chance gives fewer than ten.'))
+    least_features: int = constant(
+        200, '1', 'Features from which images without matches are images of different things.',
+        unexplained('Five times as many as matches must agree.'))
     least_share: float = constant(
         0.5, '1', 'Share of the matches that must agree.',
         chosen('Path-traced pairs .93 to .98, two different scenes below .1.'))

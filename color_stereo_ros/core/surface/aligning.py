@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A pair is measured again until the rows of its views agree."""
 
+import math
+
 from ..rows.alignment import Alignment, RowEvidence
-from ..rows.estimate import applicable, field_apart, left_over
+from ..rows.estimate import applicable, failed, field_apart, left_over
 from ..rows.tuning import TUNING
 
 
@@ -98,7 +100,9 @@ class Aligner:
                 break
             if not found.agreeing and left < use.followed:
                 break
-            applied = found.coefficients
+            applied, last = applicable(found), applied
+            if not (applied != last).any():
+                break
         return found
 
 
@@ -107,16 +111,15 @@ def better(one, other):
     return one.misfit < TUNING.use.better * other.misfit
 
 
+def doubt(alignment):
+    """Return the log-odds that all nodes lose because the views of a pair do not agree."""
+    use = TUNING.use
+    if alignment.agreeing:
+        return 0.0
+    return min(use.doubt * math.log2(max(alignment.misfit / use.poor, 1.0)), use.largest_doubt)
+
+
 def settled(prior, found):
     """Return what is carried on of a pair whose views do not agree: what was known before."""
-    if found.misfit < TUNING.use.better * prior.misfit:
-        return found
     return found.but(coefficients=prior.coefficients, covariance=prior.covariance,
                      evidence=RowEvidence.none())
-
-
-def failed(alignment, sentence):
-    """Return an alignment after a search in vain: the next one waits twice as long."""
-    tries = alignment.tries + 1
-    return alignment.but(searched=sentence, tries=tries,
-                         wait=min(2 ** tries, TUNING.search.largest_wait))

@@ -34,7 +34,7 @@ import numpy as np
 from ..compiled import Arena
 from ..patterns.expectation import Expectation
 from ..rows.alignment import COUNT
-from .aligning import Aligner
+from .aligning import Aligner, doubt
 from .coarse import CoarseSearch
 from .grid import HalfGrid
 from .grid_kernels import F4
@@ -121,6 +121,8 @@ class SurfaceMethod:
         if self.aligner is not None:
             self.rows.widen(planes, alignment)
         verdict = self.trust.judge(views, planes, seeds)
+        if self.aligner is not None:
+            verdict.log_odds[:] -= F4(doubt(alignment))
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
                                       self.trust.least_odds)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from ..cameras.rectification import raw_coordinates
+from ..rows.alignment import COUNT
 from .grid_kernels import F4
 from .row_kernels import moved_rows
 
@@ -27,21 +28,25 @@ class MovedRows:
         The images arrive rectified already.
     margin : int
         Rows above and below the image from which rows may be taken, nodes.
+    first : int
+        Column of the first node in the framed arrays of the view.
 
     """
 
-    def __init__(self, view, camera, rows, columns, step_x, rectified, margin):
+    def __init__(self, view, camera, rows, columns, step_x, rectified, margin, first):
         """Keep the maps of the calibration, and places beyond the image."""
-        self.view, self.margin, self.step_x = view, margin, step_x
+        self.view, self.margin, self.step_x, self.first = view, margin, step_x, first
         self.raw_size = camera.width, camera.height
         self.still = [each.copy() for each in view.index]
         self.places = extended_places(camera, rows, columns, step_x, rectified, margin)
         (x_row, x_column), (y_row, y_column) = (np.gradient(each) for each in self.places)
         # beyond the field of view a lens polynomial turns back
         self.seen = (x_column * y_row - x_row * y_column > 0).astype(np.uint8)
-        self.coefficients = np.zeros(7, F4)
+        self.coefficients = np.zeros(COUNT, F4)
+        for coefficients in (np.ones(COUNT), np.zeros(COUNT)):  # no later pair compiles
+            self.move(coefficients)
 
-    def move(self, coefficients, first):
+    def move(self, coefficients):
         """
         Move the rows of the view.
 
@@ -49,8 +54,6 @@ class MovedRows:
         ----------
         coefficients : numpy.ndarray, shape (7,)
             See `rows.alignment`, px; all 0: as calibrated.
-        first : int
-            Column of the first node in framed arrays.
 
         """
         coefficients = np.asarray(coefficients, F4)
@@ -60,7 +63,8 @@ class MovedRows:
         if coefficients.any():
             width, height = self.raw_size
             moved_rows(*self.places, self.seen, self.margin, self.step_x, coefficients,
-                       F4(width / 2), F4(height / 2), width, height, first, *self.view.index)
+                       F4(width / 2), F4(height / 2), width, height, self.first,
+                       *self.view.index)
             return
         for plane, still in zip(self.view.index, self.still):
             np.copyto(plane, still)

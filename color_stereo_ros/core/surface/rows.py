@@ -58,10 +58,10 @@ class RowTracker:
                   planes.d, self.robust_misfit, pair.scale, *self.grid.nodes, cells)
         least = self.tuning.least_information
         count, information = cells[..., COUNT], cells[..., INFORMATION]
-        structured = np.count_nonzero(cells[..., STRUCTURE] > least)
-        used = (count >= self.tuning.least_nodes) & (information > least)
-        used &= cells[..., STRUCTURE] > least
-        if structured < ROWS.estimate.least_cells:
+        structure = cells[..., STRUCTURE]
+        structured, lit = (np.count_nonzero(structure > each) for each in (least, 0))
+        used = (count >= self.tuning.least_nodes) & (information > least) & (structure > least)
+        if structured < max(ROWS.estimate.least_cells, ROWS.use.least_structured * lit):
             return prior.but(observable=False, agreeing=True, evidence=RowEvidence.none())
         told = cells[used].astype(np.float64)
         if len(told) < max(ROWS.estimate.least_cells, ROWS.use.least_share * structured):
@@ -72,7 +72,8 @@ class RowTracker:
         misfit = float(np.median(told[:, MISFIT] / number))
         dy = told[:, PULL] / told[:, INFORMATION] + terms(x, y, prior.size) @ prior.applied
         found = updated(prior, x, y, dy, told[:, INFORMATION], told[:, DISPARITY] / number)
-        return found.but(agreeing=misfit < ROWS.use.poor, misfit=misfit)
+        steady = found.observable and found.scatter < ROWS.use.steady
+        return found.but(agreeing=misfit < ROWS.use.poor or steady, misfit=misfit)
 
     def widen(self, planes, alignment):
         """

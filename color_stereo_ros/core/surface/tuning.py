@@ -559,6 +559,8 @@ def slow(radius):
             'A shift of slow colors looks like a color difference of the cameras.')),
         'views.foreshortening': Change(False, derived(
             'Averaged colors change too slowly for their blur to show.')),
+        'rows.least_information': Change(math.inf, chosen(
+            'Slow colors show no rows: what remains are depth edges, where the views differ.')),
         'planes.noise_correlation': Change(noise_correlation(radius), derived(
             'See `noise_correlation`; z-scores 7 to 8 -> 1.0 to 1.6 (358af77).')),
         'neighbors.inertia': Change(0.5, chosen(

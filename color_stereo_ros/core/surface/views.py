@@ -57,7 +57,7 @@ class Views:
         self.right = View(calibration.right, rows, grid.width - 1, 1,
                           (grid.shape[0], grid.width), rectified_input, tuning, arena)
         self.moved = MovedRows(self.right, calibration.right, rows, grid.width - 1, 1,
-                               rectified_input, margin) if (
+                               rectified_input, margin, first_column(1)) if (
             settings.matching.row_alignment == 'correct') else None
         both = self.left, self.right
         known = np.concatenate([view.psf_variance[np.isfinite(view.psf_variance)]
@@ -87,7 +87,7 @@ class Views:
 
         """
         if self.moved is not None:
-            self.moved.move(applied, first_column(1))
+            self.moved.move(applied)
         color = self.settings.color
         levels = [self.left.load(left, color), self.right.load(right, color)]
         gains = channel_gains(levels, color, self.tuning)
