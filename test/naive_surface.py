@@ -596,7 +596,7 @@ def rise(view, y, i, t):
 
 
 def told_by_node(left, right, matrix, d, y, x, robust, scale):
-    """Return misfit, place and the weighted gg, gh, hh, ge, he of a node; None: it says nothing."""
+    """Return misfit, place and the weighted gg, gh, hh, ge, he of a node; None: it is silent."""
     place = 2.0 * (x - PAD) - float(d[y, x])
     if not 1 <= place < right.shape[2] - 2:
         return None

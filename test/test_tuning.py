@@ -50,7 +50,8 @@ GLOBALS = {
     'wait', 'tries',      # counts that begin at 0
     'SUBPIXEL_CODES',     # names of modes
 }
-SOURCES = [path for room in ('surface', 'paper', 'rows') for path in sorted((CORE / room).glob('*.py'))
+SOURCES = [path for room in ('surface', 'paper', 'rows')
+           for path in sorted((CORE / room).glob('*.py'))
            if path.name not in ('tuning.py', 'fitted.py')] + [CORE / 'account.py']
 
 

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """From evidence to alignments: robust least squares, what is carried on, what is corrected."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from .alignment import RowEvidence, terms
 from .tuning import TUNING
+
+UNSEEN = np.diag(np.reciprocal(np.square(TUNING.estimate.prior_std)))
+"""Information about the coefficients before anything is seen, px^-2."""
 
 
 def updated(prior, x, y, dy, information, disparity):
@@ -29,36 +34,31 @@ def updated(prior, x, y, dy, information, disparity):
 
     """
     tuning = TUNING.estimate
-    there = terms(x, y, prior.size)
-    carried = np.linalg.inv(prior.covariance)
-    start = np.linalg.inv(np.diag(np.square(tuning.prior_std)))
     # process noise: a mounting may yield from pair to pair
-    carried = start + tuning.keep * (carried - start)
+    carried = UNSEEN + tuning.keep * (np.linalg.inv(prior.covariance) - UNSEEN)
+    unseen = prior.but(covariance=np.linalg.inv(carried), observable=False,
+                       evidence=RowEvidence.none())
     if len(dy) < tuning.least_cells:
-        return prior.but(covariance=np.linalg.inv(carried), observable=False,
-                         evidence=RowEvidence.none())
-    found, weight = robust_fit(there, dy, information, start, prior.coefficients)
-    scatter = float(np.median(np.abs(dy - there @ found)) / tuning.half)
-    prior = prior.but(scatter=scatter)
-    normal = there.T @ (weight[:, None] * there)
-    own = _limited(normal)
-    evidence = RowEvidence(x, y, dy, 1 / np.sqrt(np.maximum(weight, tuning.least_weight)), disparity)
-    mean = np.average(there, axis=0, weights=weight)
-    if not mean @ np.linalg.inv(own + start) @ mean < tuning.vague ** 2:
-        return prior.but(covariance=np.linalg.inv(carried), observable=False, evidence=evidence)
-    moved = there @ (found - prior.coefficients)
-    if np.average(moved * moved, weights=weight) > tuning.bump ** 2:
-        carried, center = start, np.zeros(len(found))
-    else:
-        center = prior.coefficients
-    # both are information about the same coefficients; the pair's own is about `found`
+        return unseen
+    there = terms(x, y, prior.size)
+    found, weight = robust_fit(there, dy, information, prior.coefficients)
+    own = _limited(there.T @ (weight[:, None] * there))
+    mean = weight @ there / weight.sum()
+    if not mean @ np.linalg.solve(own + UNSEEN, mean) < tuning.vague ** 2:
+        return unseen
+    center = prior.coefficients
+    if weight @ np.square(there @ (found - center)) / weight.sum() > tuning.bump ** 2:
+        carried, center = UNSEEN, np.zeros(len(found))
     total = carried + own
-    coefficients = np.linalg.solve(total, carried @ center + own @ found)
-    return prior.but(coefficients=coefficients, covariance=np.linalg.inv(total), observable=True,
-                     evidence=evidence)
+    return prior.but(
+        coefficients=np.linalg.solve(total, carried @ center + own @ found),
+        covariance=np.linalg.inv(total), observable=True,
+        scatter=float(np.median(np.abs(dy - there @ found)) / tuning.half),
+        evidence=RowEvidence(x, y, dy, 1 / np.sqrt(np.maximum(weight, tuning.least_weight)),
+                             disparity))
 
 
-def robust_fit(there, dy, information, start, center):
+def robust_fit(there, dy, information, center):
     """
     Fit coefficients by iteratively reweighted least squares with Cauchy weights.
 
@@ -68,8 +68,6 @@ def robust_fit(there, dy, information, start, center):
         See `alignment.terms`.
     dy, information : numpy.ndarray, float64, shape (N,)
         px and px^-2; the latter up to a common factor.
-    start : numpy.ndarray, float64, shape (7, 7)
-        Inverse of the covariance that holds before anything is seen, px^-2.
     center : numpy.ndarray, float64, shape (7,)
         Where to begin, px.
 
@@ -92,7 +90,7 @@ def robust_fit(there, dy, information, start, center):
         limit = tuning.outlier * scatter
         weight = 1 / (np.square(scatter * deviation) * (1 + np.square(apart / limit)))
         normal = there.T @ (weight[:, None] * there)
-        center = np.linalg.solve(normal + start, there.T @ (weight * dy))
+        center = np.linalg.solve(normal + UNSEEN, there.T @ (weight * dy))
     return center, weight
 
 
@@ -184,6 +182,7 @@ def left_over(alignment):
     return float(np.sqrt(np.average(rest * rest, weights=1 / np.square(evidence.sigma))))
 
 
+@lru_cache(maxsize=8)
 def _everywhere(size):
     """Return the terms at 5 x 5 places of an image, float64 (25, 7)."""
     width, height = size

@@ -94,6 +94,9 @@ class UseTuning(Constants):
         0.15, 'px', 'Scatter of the cells around the model below which the views agree, however '
         'large the misfit is.',
         chosen('1 % hot pixels .1 px, chance matches .19 to .28 px.'))
+    chance: float = constant(
+        0.18, 'px', 'Scatter of the cells around the model from which matches are chance.',
+        chosen('Two scenes .19 to .28 px, JPEG of quality 60 .17 px.'))
     doubt: float = constant(
         2.0, '1', 'Log-odds that all nodes lose where the views do not agree, per doubling of '
         'the misfit above `poor`.',

@@ -48,13 +48,13 @@ class Aligner:
         prior = Alignment.unknown(self.size) if prior is None else prior
         found = self.followed(prior, measured)
         if found.agreeing:
-            return found.but(searched='', wait=0, tries=0)
+            return agreed(found)
         if not found.due:
             return settled(prior, found).but(wait=found.wait - 1)
         if prior.applied.any() and self.correct:
             fresh = self.followed(Alignment.unknown(self.size), measured)
             if better(fresh, found):
-                return fresh.but(searched='')
+                return agreed(fresh)
             found = self.followed(prior, measured)
         if search is None:
             return settled(prior, found)
@@ -82,11 +82,11 @@ class Aligner:
         if start is not None and self.correct and field_apart(start, found) > TUNING.use.bump:
             other = self.followed(start, measured)
             if better(other, found):
-                return other.but(searched='')
+                return agreed(other)
             found = self.followed(prior, measured)
-        elif start is not None and not self.correct:
-            found = start.but(applied=found.applied, agreeing=False, misfit=found.misfit)
-            prior = found
+        if start is not None and not self.correct:
+            return failed(start.but(applied=found.applied, agreeing=False, misfit=found.misfit,
+                                    tries=found.tries), sentence)
         return failed(settled(prior, found), sentence)
 
     def followed(self, prior, measured):
@@ -106,6 +106,13 @@ class Aligner:
         return found
 
 
+def agreed(alignment):
+    """Return an alignment that is carried on; where it does not agree, a search may wait."""
+    if not alignment.agreeing:
+        return failed(alignment, '')
+    return alignment.but(searched='', wait=0, tries=0)
+
+
 def better(one, other):
     """Return whether the views agree clearly better under one alignment than under another."""
     return one.misfit < TUNING.use.better * other.misfit
@@ -114,7 +121,7 @@ def better(one, other):
 def doubt(alignment):
     """Return the log-odds that all nodes lose because the views of a pair do not agree."""
     use = TUNING.use
-    if alignment.agreeing:
+    if alignment.agreeing or not alignment.scatter > use.chance or math.isinf(alignment.misfit):
         return 0.0
     return min(use.doubt * math.log2(max(alignment.misfit / use.poor, 1.0)), use.largest_doubt)
 

@@ -24,16 +24,16 @@ def row_cells(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     Ask the matched nodes of every cell by how much their rows disagree.
 
     With e, g and w as in `plane_kernels.linearize` and the vertical gradient h = M dR/dy, per px,
-    of the right view, a row error r and an error of the disparity show as e = h r + g (d - d_true).
-    The disparity is eliminated from the normal equations of the cell: information = S(h.h) -
-    S(g.h)^2 / S(g.g) and pull = S(h.e) - S(g.h) S(g.e) / S(g.g), where S sums with the weight w.
-    The cell asks for r = pull / information, px.
+    of the right view, a row error r and an error of the disparity show as e = h r + g (d -
+    d_true). The disparity is eliminated from the normal equations of the cell: information =
+    S(h.h) - S(g.h)^2 / S(g.g) and pull = S(h.e) - S(g.h) S(g.e) / S(g.g), where S sums with the
+    weight w. The cell asks for r = pull / information, px.
 
     A cell has CELL x CELL nodes; every NODE_STEP-th column counts. The n-th line of cells is asked
-    every CELL_STEP-th column, from 2 n modulo CELL_STEP on. cells, float32 (h, ceil(w / CELL_STEP),
-    7): number of compared nodes; information, px^-2; pull, px^-1; sums of their misfits, columns
-    in the right image and disparities, px; and structure, the information that the left view
-    would have at all its nodes, px^-2.
+    every CELL_STEP-th column, from 2 n modulo CELL_STEP on. cells, float32 (h, ceil(w /
+    CELL_STEP), 7): number of compared nodes; information, px^-2; pull, px^-1; sums of their
+    misfits, columns in the right image and disparities, px; and structure, the information that
+    the left view would have at all its nodes, px^-2.
 
     """
     width = right_u.shape[1]
@@ -140,11 +140,11 @@ def moved_rows(k, places_x, places_y, seen, margin, step_x, coefficients, half_w
     """
     Write where the nodes of a half grid lie in the raw image once their rows are moved.
 
-    places_x, places_y, float32 (rows + 2 margin, w): columns and rows in the raw image of the nodes
-    before they move, margin rows above and below included, px; seen, uint8: whether a raw image
-    can be there. Node (j, i) has its center at column x = step_x i + 0.5, row y = 2 j + 0.5 and
-    moves down by r(x, y), px, see `rows.alignment`; coefficients are float32 (7,). The raw image
-    has columns x lines pixels. Writes index, frac_x and frac_y of `views.half_grid_index`, from
+    places_x, places_y, float32 (rows + 2 margin, w): columns and rows in the raw image of the
+    nodes before they move, margin rows above and below included, px; seen, uint8: whether a raw
+    image can be there. Node (j, i) has its center at column x = step_x i + 0.5, row y = 2 j + 0.5
+    and moves down by r(x, y), px, see `rows.alignment`; coefficients are float32 (7,). The raw
+    image has columns x lines pixels. Writes index, frac_x and frac_y of `views.half_grid_index`, from
     row PAD and column `first` on.
 
     """

@@ -54,6 +54,7 @@ class RowTracker:
 
         """
         left, right, cells = views.left, views.right, self.cells
+        prior = prior.but(misfit=np.nan, scatter=np.nan)
         row_cells(left.u, left.v, left.variance, right.u, right.v, right.variance, pair.matrix,
                   planes.d, self.robust_misfit, pair.scale, *self.grid.nodes, cells)
         least = self.tuning.least_information
