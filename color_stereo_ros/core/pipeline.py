@@ -63,7 +63,8 @@ class ColorStereo:
         self._search_at_once = search_at_once
         self._alignment = None
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)
-        self.process(black, black, self._unknown())
+        self.process(black, black)
+        self._alignment = None
 
     def rectify(self, left, right):
         """
