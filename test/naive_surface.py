@@ -16,6 +16,7 @@ from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
 from color_stereo_ros.core.surface.pixel_kernels import bounded, OWN_SHARE
 from color_stereo_ros.core.surface.plane_kernels import LEAST_WEIGHT, RADIUS, SPAN
+from color_stereo_ros.core.surface.row_kernels import CELL, CELL_STEP, NODE_STEP
 from color_stereo_ros.core.surface.trust_kernels import (
     APART, FULL_SIZE, HIGHEST_ODDS, HOPELESS_ODDS, IMBALANCE_OFFSET, ISLAND_ODDS, STD_PER_DISTANCE,
     UNKNOWN_ODDS, UNLIT, VARIANCE_FACTOR)
@@ -586,3 +587,72 @@ def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, off
             images[:, v, u] = (value, focal_baseline / (value - offset), std[node],
                                1 / (1 + math.exp(-certainty)))
     return images, codes
+
+
+def rise(view, y, i, t):
+    """Return the vertical gradient of u, v per px, t from column i on, by five rows 2 px apart."""
+    rows = [(1 - t) * view[:2, y + j, i] + t * view[:2, y + j, i + 1] for j in (-2, -1, 1, 2)]
+    return (8 * (rows[2] - rows[1]) - (rows[3] - rows[0])) / 12 / 2
+
+
+def told_by_node(left, right, matrix, d, y, x, robust, scale):
+    """Return misfit, place and the weighted gg, gh, hh, ge, he of a node; None: it is silent."""
+    place = 2.0 * (x - PAD) - float(d[y, x])
+    if not 1 <= place < right.shape[2] - 2:
+        return None
+    i = int(place)
+    noise = max(right[2, y, i], right[2, y, i + 1])
+    if max(noise, *(right[2, y + j, i] for j in (-2, -1, 1, 2))) >= SILENT_VARIANCE:
+        return None
+    (u, gu), (v, gv) = (cubic(right[c, y, i - 1:i + 3].astype(float), place - i) for c in (0, 1))
+    e = left[:2, y, x] - matrix @ (u, v, 1)
+    g, h = matrix[:, :2] @ (gu, gv), matrix[:, :2] @ rise(right.astype(float), y, i, place - i)
+    w = 1 / (scale * (left[2, y, x] + noise) + PHASE_VARIANCE * (g @ g + h @ h))
+    chi = w * (e @ e)
+    w /= 1 + chi / robust
+    return chi, place, w * np.array([g @ g, g @ h, h @ h, g @ e, h @ e])
+
+
+def row_cells(left, right, matrix, d, robust, scale, rows, columns, shape):
+    """Return what every cell tells of its rows; left, right are (u, v, var)."""
+    out = np.zeros((*shape, 7))
+    for line, column in nodes_of(shape):
+        top, first = CELL * line, CELL * (CELL_STEP * column + 2 * line % CELL_STEP)
+        told, structure = np.zeros(5), np.zeros(3)
+        for y in range(PAD + top, PAD + min(top + CELL, rows)):
+            for x in range(PAD + first, PAD + min(first + CELL, columns), NODE_STEP):
+                if max(left[2, y + j, x + i] for j, i in CROSS) >= SILENT_VARIANCE:
+                    continue
+                across = (left[:2, y, x + 1] - left[:2, y, x - 1]).astype(float) / 4
+                down = (left[:2, y + 1, x] - left[:2, y - 1, x]).astype(float) / 4
+                structure += np.array([across @ across, across @ down, down @ down]) / (
+                    2 * scale * left[2, y, x]
+                    + PHASE_VARIANCE * (across @ across + down @ down))
+                found = told_by_node(left, right, matrix, d, y, x, robust, scale)
+                if found:
+                    out[line, column, [0, 3, 4, 5]] += 1, found[0], found[1], d[y, x]
+                    told += found[2]
+        gg, gh, hh, ge, he = told
+        share = gh / max(gg, 1e-6)
+        out[line, column, [1, 2]] = hh - share * gh, he - share * ge
+        out[line, column, 6] = structure[2] - structure[1] ** 2 / max(structure[0], 1e-6)
+    return out
+
+
+def moved_rows(places_x, places_y, seen, margin, step_x, c, size):
+    """Return index, frac_x and frac_y of moved nodes; size: columns and lines of the image."""
+    columns, lines = size
+    out = np.zeros((3, places_x.shape[0] - 2 * margin, places_x.shape[1]))
+    for j, i in nodes_of(out.shape[1:]):
+        u = (step_x * i + 0.5 - (columns - 1) / 2) / (columns / 2)
+        v = (2 * j + 0.5 - (lines - 1) / 2) / (columns / 2)
+        moved = c @ (1, u, v, u * u, u * v, v * v, v * (u * u + v * v))
+        at = min(max(j + margin + moved / 2, 0), len(places_x) - 2)
+        above = int(at)
+        x, y = ((1 - at + above) * each[above, i] + (at - above) * each[above + 1, i]
+                for each in (places_x, places_y))
+        inside = (seen[above, i] and seen[above + 1, i] and -1 / 32 <= x <= columns - 1 + 1 / 32
+                  and -1 / 32 <= y <= lines - 1 + 1 / 32)
+        x, y = min(max(x - 0.5, 0), columns - 2), min(max(y - 0.5, 0), lines - 2)
+        out[:, j, i] = int(y) * columns + int(x) if inside else -1, x % 1, y % 1
+    return out

@@ -40,7 +40,7 @@ def texture(width, height, feature_size, kind):
     return make_pattern(settings).astype(np.float32) / 255
 
 
-def photographed(shift, feature_size=7.0, kind=PatternSettings().type):
+def photographed(shift, feature_size=7.0, kind=PatternSettings().type, rows=0.0):
     """
     Return what a camera sees of the pattern, float64 (H, W, 3), 0..1.
 
@@ -48,17 +48,20 @@ def photographed(shift, feature_size=7.0, kind=PatternSettings().type):
     ----------
     shift : numpy.ndarray, shape (H, W)
         Pattern column minus image column, px, linear between pixels.
+    rows : numpy.ndarray, shape (H, W), or float
+        Image row minus pattern row, px.
 
     """
     height, width = shift.shape
     step = (np.arange(SUB) - (SUB - 1) / 2) / SUB
+    down = np.repeat(np.repeat(np.broadcast_to(rows, shift.shape), SUB, 0), SUB, 1)
     rows = np.add.outer(np.arange(height), step).ravel()
     columns = np.add.outer(np.arange(width), step).ravel()
     slope = np.gradient(shift, axis=1)
     fine = np.repeat(np.repeat(shift, SUB, 0), SUB, 1) + np.repeat(
         np.repeat(slope, SUB, 0), SUB, 1) * np.tile(step, width)
     x = SUB * (columns + fine + MARGIN + 0.5) - 0.5
-    y = np.broadcast_to(SUB * (rows + 0.5)[:, None] - 0.5, x.shape)
+    y = SUB * (rows[:, None] - down + 0.5) - 0.5
     seen = cv2.remap(texture(width, height, feature_size, kind), x.astype(np.float32),
                      y.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return seen.reshape(height, SUB, width, SUB, 3).mean(axis=(1, 3), dtype=np.float64)

@@ -36,6 +36,7 @@ CLOSED = {
     'core/settings': 'cameras surface paper',
     'core/cameras': 'patterns surface paper',
     'core/patterns': 'cameras surface paper',
+    'core/rows': 'patterns surface paper',
     'core/surface': 'paper',
     'core/paper': 'surface',
 }

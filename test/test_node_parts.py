@@ -13,7 +13,7 @@ import threading
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
-from color_stereo_ros.core import RecordingError, Settings
+from color_stereo_ros.core import Alignment, RecordingError, Settings
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.files.cloud import save_cloud
 from color_stereo_ros.messages.calibration_watch import CalibrationWatch
@@ -408,8 +408,9 @@ class CountedStereo:
     def __init__(self, swapped_density):
         self.calls = 0
         self.density = swapped_density
+        self.alignment = Alignment.unknown((64, 48))
 
-    def process(self, left, right):
+    def process(self, left, right, alignment):
         """Count."""
         self.calls += 1
         return self
@@ -419,7 +420,7 @@ def looked_at(stereo, seconds, density, said, clock):
     """Look at 20 pairs a second for a while and return the Doubts."""
     doubts = Doubts(said.append, clock)
     left, right = scene()
-    result = SimpleNamespace(density=density, status=np.zeros((4, 4), np.uint8))
+    result = SimpleNamespace(density=density, status=np.zeros((4, 4), np.uint8), alignment=None)
     for _ in range(20 * seconds):
         clock.now += 0.05
         doubts.look(stereo, left, right, result)
@@ -443,6 +444,18 @@ def test_a_doubt_is_said_once_while_it_lasts():
     doubts = looked_at(CountedStereo(0.9), 60, 0.1, said, Clock())
     assert said == doubts.current and len(said) == 1
     assert said[0].startswith('left and right image swapped?')
+
+
+def test_rows_that_disagree_are_told_once_whatever_the_number():
+    said = []
+    doubts = Doubts(said.append, Clock())
+    left, right = scene()
+    spread = 1e-4 * np.eye(7)
+    for offset in (0.7, 0.72, 0.9):
+        alignment = Alignment((64, 48), [offset, *np.zeros(6)], spread, np.zeros(7))
+        doubts.look(None, left, right, SimpleNamespace(
+            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=alignment))
+    assert len(said) == 1 and said[0].startswith('rows differ by 0.7 px (')
 
 
 # ---- help

@@ -27,6 +27,7 @@ from color_stereo_ros.core.surface.neighbor_kernels import HALO, PATCH_MARGIN, p
 from color_stereo_ros.core.surface.pixel_kernels import expand
 from color_stereo_ros.core.surface.plane_kernels import (
     find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
+from color_stereo_ros.core.surface.row_kernels import moved_rows, row_cells
 from color_stereo_ros.core.surface.trust_kernels import (
     brightness_balance, distrust_islands, find_hidden, HOPELESS_ODDS, ISLAND_ODDS, join_nodes,
     MISFIT_CAP, root_of, settle, UNKNOWN_ODDS, weigh_evidence)
@@ -638,6 +639,43 @@ def test_a_pixel_beside_a_doubtful_node_is_doubted_more():
     confidence = images[3]
     assert confidence[6, 11] < confidence[6, 12] < confidence[6, 13]
     assert confidence[6, 13] == pytest.approx(1 / (1 + np.exp(-2)), abs=1e-4)
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_cells_tell_the_rows_as_their_normal_equations_do(seed):
+    left, right = views(seed)
+    d = planes(seed)[0]
+    cells = np.full((2, 2, 7), np.nan, F4)
+    row_cells(*left, *right, MATRIX, d, ROBUST, F4(0.7), ROWS, COLUMNS, cells)
+    expected = naive.row_cells(left, right, MATRIX.astype(float), d, float(ROBUST), 0.7, ROWS,
+                               COLUMNS, (2, 2))
+    assert (expected[..., 0] > 0).sum() >= 3
+    np.testing.assert_allclose(cells, expected, rtol=2e-4, atol=2e-3)
+
+
+@pytest.mark.parametrize('seed', [3, 4])
+def test_rows_are_moved_by_all_seven_terms(seed):
+    rng = np.random.default_rng(seed)
+    margin, size = 4, (44, 2 * ROWS)
+    y, x = np.mgrid[-margin:ROWS + margin, :WIDTH // 2].astype(F4)
+    x, y = 1.01 * x + 0.02 * y, 2 * y - 0.03 * x + rng.uniform(0, 0.5, x.shape).astype(F4)
+    seen = (rng.random(x.shape) < 0.9).astype(np.uint8)
+    coefficients = rng.uniform(-2, 2, 7).astype(F4)
+    index, frac_x, frac_y = np.zeros(SHAPE, np.int32), *np.zeros((2, *SHAPE), F4)
+    moved_rows(x.astype(F4), y.astype(F4), seen, margin, 1, coefficients, F4(size[0] / 2),
+               F4(size[1] / 2), *size, PAD, index, frac_x, frac_y)
+    expected = naive.moved_rows(x.astype(float), y.astype(float), seen, margin, 1,
+                                coefficients.astype(float), size)
+    inner = np.s_[PAD:PAD + ROWS, PAD:PAD + WIDTH // 2]
+    row, column = np.divmod(index[inner], size[0])
+    outside = expected[0] < 0
+    np.testing.assert_array_equal(index[inner] < 0, outside)
+    # rounding may carry a place over a pixel
+    np.testing.assert_allclose((row + frac_y[inner])[~outside], (
+        expected[0] // size[0] + expected[2])[~outside], atol=1e-4)
+    np.testing.assert_allclose((column + frac_x[inner])[~outside], (
+        expected[0] % size[0] + expected[1])[~outside], atol=1e-4)
+    assert 0.05 < outside.mean() < 0.95
 
 
 SCRIPT = """

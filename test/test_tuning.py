@@ -12,6 +12,7 @@ from color_stereo_ros.core.constants import (
     chosen, constant, Constants, derived, KINDS, listed, replaced)
 from color_stereo_ros.core.paper import tuning as paper
 from color_stereo_ros.core.patterns.expectation import Expectation
+from color_stereo_ros.core.rows import tuning as rows
 from color_stereo_ros.core.surface import fitted, tuning as surface
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE
 from color_stereo_ros.core.surface.method import SurfaceMethod
@@ -23,7 +24,7 @@ import yaml
 
 CORE = Path(surface.__file__).parents[1]
 ENTRIES = [*listed(TUNING), *listed(paper.TUNING, 'paper.'),
-           *listed(account.TUNING, 'account.')]
+           *listed(rows.TUNING, 'rows.'), *listed(account.TUNING, 'account.')]
 # Halves and quarters of pixels, means of two and three, signs: formulas have such numbers.
 SIMPLE = {0.0, 0.25, 0.5, 0.75, 1.0, 2.0, 3.0}
 # Functions that hold other numbers, which nobody may tune.
@@ -33,6 +34,7 @@ FORMULAS = {
     'best_shifted_mean',  # a mean of nine
     'weigh_evidence',     # a mean of nine
     'linearize',          # cubic Lagrange interpolation
+    'row_cells',          # the same, and a derivative from five rows
     'logistic',           # the series of the exponential function, and its range
     'join_nodes',         # bits of a link
     'independent_pixels',  # 4 pi sigma^2, the area of a Gaussian correlation
@@ -44,10 +46,12 @@ GLOBALS = {
     'PATCH_ROWS', 'PATCH_COLUMNS', 'stack_sums',  # sizes that follow from the tuning
     'SIZE',               # of any small rig
     'ESTIMATE',           # a word of the settings
+    'wait', 'tries',      # counts that begin at 0
     'SUBPIXEL_CODES',     # names of modes
     'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
-SOURCES = [path for room in ('surface', 'paper') for path in sorted((CORE / room).glob('*.py'))
+SOURCES = [path for room in ('surface', 'paper', 'rows')
+           for path in sorted((CORE / room).glob('*.py'))
            if path.name not in ('tuning.py', 'fitted.py')] + [CORE / 'account.py']
 
 
@@ -121,11 +125,13 @@ def test_the_search_for_numbers_finds_them():
 
 def texts_of(room):
     """Return the sources of a room but the tuning itself, as one text."""
-    return ' '.join(path.read_text(encoding='utf-8') for path in sorted((CORE / room).glob('*.py'))
-                    if path.name != 'tuning.py')
+    rooms = (room, 'surface') if room == 'rows' else (room,)  # the surface method reads both
+    return ' '.join(path.read_text(encoding='utf-8') for each in rooms
+                    for path in sorted((CORE / each).glob('*.py')) if path.name != 'tuning.py')
 
 
-@pytest.mark.parametrize('room, tuning', [('surface', TUNING), ('paper', paper.TUNING)])
+@pytest.mark.parametrize('room, tuning', [('surface', TUNING), ('paper', paper.TUNING),
+                                          ('rows', rows.TUNING)])
 def test_every_constant_is_read(room, tuning):
     text = texts_of(room)
     chooses = {'views.averaging_period', 'views.largest_averaging_radius'}  # in `changes_for`

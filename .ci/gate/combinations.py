@@ -48,6 +48,7 @@ SURFACE = (
     {'matching.texture': 3.0}, {'matching.refinements': 0}, {'matching.refinements': 1},
     {'matching.refinements': 3}, {'matching.refinements': 6, 'matching.min_confidence': 0.3},
     {'matching.min_segment': 0}, {'matching.min_segment': 2000},
+    {'matching.row_alignment': 'off'}, {'matching.row_alignment': 'measure'},
     {'range.min_depth': 0.45, 'range.max_depth': 0.52},
     {'range.min_depth': 0.15, 'range.max_depth': 20.0},
     {'pattern.type': 'unknown'}, {'pattern.cycles': 5}, {'pattern.cycles': 16},

@@ -62,6 +62,12 @@ def paper_tuning_table():
     return constant_table(TUNING)
 
 
+def row_tuning_table():
+    """Return every constant of the row alignment."""
+    from ..core.rows.tuning import TUNING
+    return constant_table(TUNING)
+
+
 def account_tuning_table():
     """Return every constant of the doubts about a pair."""
     from ..core.account import TUNING
@@ -131,7 +137,8 @@ def explained(provenance):
 
 TABLES = {'parameters': parameter_table, 'outputs': output_table, 'status': status_table,
           'commands': command_table, 'tuning': tuning_table, 'paper_tuning': paper_tuning_table,
-          'account_tuning': account_tuning_table, 'disturbances': disturbance_table}
+           'row_tuning': row_tuning_table, 'account_tuning': account_tuning_table,
+           'disturbances': disturbance_table}
 
 
 def with_tables(text):

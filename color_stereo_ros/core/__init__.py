@@ -9,11 +9,12 @@ from .cameras.geometry import RectifiedGeometry, RectifiedPair
 from .patterns.making import make_pattern
 from .pipeline import ColorStereo
 from .results import RangeResult
+from .rows.alignment import Alignment
 from .settings import ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings
 from .status import Status
 
 __all__ = [
-    'CalibrationError', 'CameraModel', 'ColorSettings', 'ColorStereo', 'ColorStereoError',
-    'ImageError', 'MatchingSettings', 'PatternSettings', 'RangeResult', 'RangeSettings',
-    'RecordingError', 'RectifiedGeometry', 'RectifiedPair', 'Settings', 'SettingsError', 'Status',
-    'StereoCalibration', 'make_pattern']
+    'Alignment', 'CalibrationError', 'CameraModel', 'ColorSettings', 'ColorStereo',
+    'ColorStereoError', 'ImageError', 'MatchingSettings', 'PatternSettings', 'RangeResult',
+    'RangeSettings', 'RecordingError', 'RectifiedGeometry', 'RectifiedPair', 'Settings',
+    'SettingsError', 'Status', 'StereoCalibration', 'make_pattern']

@@ -121,14 +121,21 @@ def doubts_about_result(stereo, left, right, result):
 
     """
     few = doubt_about_ranges(status_shares(result.status))
-    return [*doubts_about_order(stereo, left, right, result), *filter(None, [few])]
+    return [*doubts_about_rows(result), *doubts_about_order(stereo, left, right, result),
+            *filter(None, [few])]
+
+
+def doubts_about_rows(result):
+    """Return that the rows of the two views disagree, or that the views have nothing in common."""
+    return list(filter(None, [result.alignment and result.alignment.sentence()]))
 
 
 def doubts_about_order(stereo, left, right, result):
     """Return the part of `doubts_about_result` that may measure the pair a second time."""
     if result.density >= SUSPICIOUS:
         return []
-    swapped = stereo.process(right, left).density
+    # with an alignment of its own: what is known of the rows is not of this order
+    swapped = stereo.process(right, left, stereo.alignment.but(wait=1)).density
     if swapped <= max(TUNING.swapped_share, TUNING.swapped_ratio * result.density):
         return []
     return [f'left and right image swapped? The other way round {swapped:.1%} of the pixels have '

@@ -12,6 +12,9 @@ from .cameras.rectification import Rectifier
 from .compiled import refuse_after_fork
 from .methods import make_method
 from .results import RangeResult
+from .rows.alignment import Alignment
+from .rows.estimate import resumed
+from .rows.search import search
 from .settings import Settings
 from .triangulation import disparity_limits
 
@@ -31,6 +34,9 @@ class ColorStereo:
     settings : Settings
     rectified_input : bool
         The images arrive rectified already: only P of the calibration is used.
+    search_at_once : bool
+        Where the views of a pair do not agree anywhere, search for the rows within `process`,
+        which takes up to half a second. False: the caller does it by `search_rows` and `adopt`.
 
     Raises
     ------
@@ -41,7 +47,8 @@ class ColorStereo:
 
     """
 
-    def __init__(self, calibration, settings=Settings(), *, rectified_input=False):
+    def __init__(self, calibration, settings=Settings(), *, rectified_input=False,
+                 search_at_once=True):
         """Build the maps and warm the kernels."""
         refuse_after_fork()
         if not hasattr(calibration, 'geometry'):
@@ -53,8 +60,11 @@ class ColorStereo:
         self._limits = disparity_limits(calibration.geometry, settings.range)
         self._rectifier = Rectifier(calibration, rectified_input)
         self._method = make_method(settings, calibration, self._limits, self._rectifier)
+        self._search_at_once = search_at_once
+        self._alignment = None
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)
         self.process(black, black)
+        self._alignment = None
 
     def rectify(self, left, right):
         """
@@ -78,14 +88,20 @@ class ColorStereo:
         refuse_after_fork()
         return self._rectifier.rectify(left, right)
 
-    def process(self, left, right):
+    def process(self, left, right, alignment=None):
         """
         Measure one pair of images.
+
+        By default the object carries from pair to pair what it knows of the rows of the two
+        views (`RangeResult.alignment`).
 
         Parameters
         ----------
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
             Raw RGB images, taken at the same moment. May be called from several threads.
+        alignment : Alignment, optional
+            What is known of the rows before this pair. The result then depends on the pair and
+            on this value only, and the object does not carry it on.
 
         Returns
         -------
@@ -103,11 +119,68 @@ class ColorStereo:
         clock = Stopwatch()
         kept = left.copy()  # the image is made when asked, and the caller may reuse its arrays
         with KERNELS:
-            found = self._method.measure(_read_only(kept), _read_only(right), clock)
+            found = self._measure(_read_only(kept), _read_only(right), alignment, clock)
         return RangeResult(
             **vars(found), image_source=partial(self._rectifier.rectify_left, kept),
             geometry=self.calibration.geometry, disparity_limits=self._limits,
             seconds=clock.seconds)
+
+    def _measure(self, left, right, alignment, clock):
+        if not hasattr(self._method, 'match_aligned'):
+            return self._method.measure(left, right, clock)
+        searched = partial(self._searched, left, right) if self._search_at_once else None
+        found = self._method.measure(
+            left, right, clock, self._alignment if alignment is None else alignment, searched)
+        if alignment is None:
+            self._alignment = found.alignment
+        return found
+
+    def _searched(self, left, right):
+        return search(self._rectifier.rectify(left, right), self._limits)
+
+    def search_rows(self, left, right):
+        """
+        Search a pair for the row error of the views, from nothing.
+
+        Takes up to half a second at 640 x 480; may run beside `process` in another thread. Of
+        use where `alignment.due`.
+
+        Parameters
+        ----------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB images.
+
+        Returns
+        -------
+        alignment : Alignment
+            For `adopt`.
+
+        Raises
+        ------
+        ImageError
+            If an image is no array, or its type or size is wrong.
+
+        """
+        found = self._searched(*self._rectifier.checked(left, right))
+        return resumed(self.alignment, *found)
+
+    @property
+    def alignment(self):
+        """Return what is known of the rows before the next pair, an Alignment."""
+        return self._unknown() if self._alignment is None else self._alignment
+
+    def adopt(self, alignment):
+        """Carry this alignment to the next pair, instead of what the last one showed."""
+        with KERNELS:
+            self._alignment = alignment
+
+    def reset(self):
+        """Forget what is known of the rows of the two views."""
+        self.adopt(None)
+
+    def _unknown(self):
+        geometry = self.calibration.geometry
+        return Alignment.unknown((geometry.width, geometry.height))
 
 
 def _read_only(image):
@@ -127,12 +200,12 @@ class Stopwatch:
 
     def lap(self, stage, written=None):
         """
-        Record the time since the last lap, s.
+        Add the time since the last lap to that of a stage, s.
 
         written, what the stage has written, is not read here. Recorders that take the place of a
         stopwatch keep it, for example that of `evaluation.method_pictures`.
 
         """
         now = perf_counter()
-        self.seconds[stage] = now - self._last
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now

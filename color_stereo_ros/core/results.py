@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from .cameras.geometry import RectifiedGeometry
+from .rows.alignment import Alignment
 from .status import Status
 from .triangulation import points_from_depth
 
@@ -25,6 +26,8 @@ class Measurement:
     """uint8 (H, W), a `Status` code; 0 exactly where depth is finite."""
     disparity_std: np.ndarray
     """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
+    alignment: Alignment | None = field(default=None, kw_only=True)
+    """By how much the rows of the two views disagree; None: the method does not measure it."""
 
 
 @dataclass(frozen=True, eq=False)

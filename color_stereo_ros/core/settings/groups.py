@@ -115,6 +115,11 @@ class MatchingSettings(Group):
     occlusion_test: bool = setting(
         True, 'surface method: distrust places of the right image that two surfaces claim',
         off=False, method='surface')
+    row_alignment: str = setting(
+        'correct', 'surface method: what is done about rows of the two views that disagree, '
+        'because a camera has moved or the calibration is not exact; off: nothing; measure: they '
+        'are measured from each pair; correct: measured, and the rows of the right view are '
+        'corrected', choices=('off', 'measure', 'correct'), off='off', method='surface')
     min_segment: int = setting(
         120, 'surface method: smallest area of connected ranges; smaller islands are dropped, '
         'dark ones earlier', unit='px', minimum=0, maximum=1000000)

@@ -14,9 +14,11 @@ The surface method: coarse to fine, with a slanted plane at every node.
      and colors of the pair from that;
    - polish (from the second round on): wide windows where this round has made tiles smooth.
 
-4. judge: log-odds, standard deviation and reason of every node. What is hidden from the right
+4. rows: by how much the rows of the two views disagree. If that matters, the right view is read
+   elsewhere and the pair is matched again, see `aligning`.
+5. judge: log-odds, standard deviation and reason of every node. What is hidden from the right
    camera, fits badly or is too uncertain gets no range.
-5. expand: from nodes to pixels.
+6. expand: from nodes to pixels.
 
 These are the names of the stages in `RangeResult.seconds`; those of a round carry its number.
 The time of all but the coarse stage does not depend on the number of disparities. Every stage owns
@@ -25,10 +27,14 @@ what it changes in place. `grid_kernels` explains the half grid.
 
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..compiled import Arena
 from ..patterns.expectation import Expectation
+from ..rows.alignment import COUNT
+from .aligning import Aligner, doubt
 from .coarse import CoarseSearch
 from .grid import HalfGrid
 from .grid_kernels import F4
@@ -36,6 +42,7 @@ from .neighbors import propagate_planes, rough_tiles
 from .pair_model import color_matrix, PairModel
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
+from .rows import RowTracker
 from .trust import Trust
 from .tuning import tuning_for
 from .views import Views
@@ -68,7 +75,7 @@ class SurfaceMethod:
         if tuning is None:
             tuning = tuning_for(Expectation.of(settings.pattern), self.geometry.width)
         self.tuning = tuning
-        self.views = Views(calibration, grid, settings, tuning.views, rectified_input, arena)
+        self.views = Views(calibration, grid, settings, tuning, rectified_input, arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
@@ -76,12 +83,16 @@ class SurfaceMethod:
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
                                           arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
+        self.rows = RowTracker(grid, tuning, arena)
+        choice = settings.matching.row_alignment
+        self.aligner = None if choice == 'off' else Aligner(
+            (grid.width, grid.height), choice == 'correct')
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
             # the black pair that warms the kernels has no colors to match
             color_matrix(self.views, self.planes, F4(1), tuning)
 
-    def measure(self, left, right, clock):
+    def measure(self, left, right, clock, alignment=None, search=None):
         """
         Measure one pair.
 
@@ -91,13 +102,75 @@ class SurfaceMethod:
             Raw RGB images.
         clock : Stopwatch
             Told when a stage ends, and what it wrote.
+        alignment : Alignment, optional
+            What is known of the rows of the views.
+        search : callable, optional
+            See `Aligner.align`.
 
         Returns
         -------
         measurement : Measurement
 
         """
-        views = self.views.load(left, right)
+        if self.aligner is None:
+            pair, seeds = self.match(left, right, np.zeros(COUNT), clock)
+        else:
+            alignment, seeds = self.match_aligned(left, right, alignment, search, clock)
+        views, planes = self.views, self.planes
+        self.least_squares.correct_variance(planes)
+        if self.aligner is not None:
+            self.rows.widen(planes, alignment)
+        verdict = self.trust.judge(views, planes, seeds)
+        if self.aligner is not None:
+            verdict.log_odds[:] -= F4(doubt(alignment))
+        clock.lap('judge', verdict)
+        measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
+                                      self.trust.least_odds)
+        clock.lap('expand', measurement)
+        return replace(measurement, alignment=alignment if self.aligner else None)
+
+    def match_aligned(self, left, right, alignment, search, clock):
+        """
+        Match a pair until its rows agree; see `measure` for the arguments.
+
+        Returns
+        -------
+        alignment : Alignment
+            As the pair shows it.
+        seeds : Seeds
+            Of the last match.
+
+        """
+        last = []
+
+        def measured(prior):
+            pair, seeds = self.match(left, right, prior.applied, clock)
+            last[:] = [seeds]
+            found = self.rows.measure(self.views, self.planes, pair, prior)
+            clock.lap('rows', found)
+            return found
+
+        return self.aligner.align(alignment, measured, search), last[0]
+
+    def match(self, left, right, applied, clock):
+        """
+        Match one pair: colors, coarse search and all rounds.
+
+        Parameters
+        ----------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB images.
+        applied : numpy.ndarray, float64, shape (7,)
+            By which the rows of the right view are corrected, px.
+        clock : Stopwatch
+
+        Returns
+        -------
+        pair : PairModel
+        seeds : Seeds
+
+        """
+        views = self.views.load(left, right, applied)
         clock.lap('colors', views)
         seeds = self.coarse.search(views)
         clock.lap('coarse', seeds)
@@ -106,13 +179,7 @@ class SurfaceMethod:
             pair = self.fit_seeds(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
-        self.least_squares.correct_variance(planes)
-        verdict = self.trust.judge(views, planes, seeds)
-        clock.lap('judge', verdict)
-        measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
-                                      self.trust.least_odds)
-        clock.lap('expand', measurement)
-        return measurement
+        return pair, seeds
 
     def fit_seeds(self, views, planes, pair, clock):
         """

@@ -296,6 +296,40 @@ class PlaneTuning(Constants):
 
 
 @dataclass(frozen=True)
+class RowTuning(Constants):
+    """How far the rows of the two views disagree, measured at the matches."""
+
+    cell: int = constant(
+        8, 'nodes', 'Rows and columns of a cell: one statement about its rows.',
+        derived('A window of planes: what these have absorbed is eliminated from a cell.'),
+        compiled=True)
+    cell_step: int = constant(
+        4, 'cells', 'Every so many cells of a line are asked, those of the next line in between.',
+        chosen('300 cells are left at 640 x 480: the mean row error is known to .002 px.'),
+        compiled=True)
+    node_step: int = constant(
+        2, 'nodes', 'Distance of the columns that count.',
+        chosen('Half of the time for little information: neighbors share their noise.'),
+        compiled=True)
+    least_slope: float = constant(
+        1e-6, 'px^-2', 'Smallest weight of slopes that is divided by.',
+        derived('No information about the disparity; prevents division by 0.'), compiled=True)
+    rounding: float = constant(
+        1 / 32, 'px', 'How far outside the raw image a place still counts as inside.',
+        derived('The resolution of the maps of OpenCV, as in `cameras.rectification`.'),
+        compiled=True)
+    least_nodes: int = constant(
+        16, 'nodes', 'Compared nodes from which a cell says something.',
+        derived('Half of the nodes that a cell asks.'))
+    least_information: float = constant(
+        20.0, 'px^-2', 'Information from which a cell says something about its rows.',
+        chosen('Noise alone gives 5 to 15, the default pattern 100 to 400.'))
+    margin: int = constant(
+        20, 'nodes', 'Rows above and below the image from which rows may be taken.',
+        derived('`rows.search.largest_offset`, 32 px, and what roll and scale add.'))
+
+
+@dataclass(frozen=True)
 class NeighborTuning(Constants):
     """Nodes near depth edges try the planes of their neighbors."""
 
@@ -478,6 +512,7 @@ class Tuning(Constants):
     views: ViewTuning = ViewTuning()
     coarse: CoarseTuning = CoarseTuning()
     pair: PairTuning = PairTuning()
+    rows: RowTuning = RowTuning()
     planes: PlaneTuning = PlaneTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
@@ -524,6 +559,8 @@ def slow(radius):
             'A shift of slow colors looks like a color difference of the cameras.')),
         'views.foreshortening': Change(False, derived(
             'Averaged colors change too slowly for their blur to show.')),
+        'rows.least_information': Change(math.inf, chosen(
+            'Slow colors show no rows: what remains are depth edges, where the views differ.')),
         'planes.noise_correlation': Change(noise_correlation(radius), derived(
             'See `noise_correlation`; z-scores 7 to 8 -> 1.0 to 1.6 (358af77).')),
         'neighbors.inertia': Change(0.5, chosen(

@@ -18,6 +18,7 @@ from ..compiled import BANDS
 from .gains import channel_gains, noise_weight
 from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
+from .moving import MovedRows
 from .view_kernels import box_sums, channel_levels, sample_colors
 
 
@@ -30,7 +31,7 @@ class Views:
     calibration : StereoCalibration
     grid : HalfGrid
     settings : Settings
-    tuning : ViewTuning
+    tuning : Tuning
     rectified_input : bool
         The images arrive rectified already.
     arena : Arena
@@ -48,12 +49,16 @@ class Views:
 
     def __init__(self, calibration, grid, settings, tuning, rectified_input, arena):
         """Build the maps of both cameras and make their point spreads alike."""
+        margin, tuning = tuning.rows.margin, tuning.views
         self.grid, self.settings, self.tuning = grid, settings, tuning
         rows, columns = grid.nodes
         self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input,
                          tuning, arena)
         self.right = View(calibration.right, rows, grid.width - 1, 1,
                           (grid.shape[0], grid.width), rectified_input, tuning, arena)
+        self.moved = MovedRows(self.right, calibration.right, rows, grid.width - 1, 1,
+                               rectified_input, margin, first_column(1)) if (
+            settings.matching.row_alignment == 'correct') else None
         both = self.left, self.right
         known = np.concatenate([view.psf_variance[np.isfinite(view.psf_variance)]
                                 for view in both])
@@ -64,9 +69,16 @@ class Views:
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
 
-    def load(self, left, right):
+    def load(self, left, right, applied):
         """
-        Take the raw images of a pair, uint8 (H, W, 3), RGB.
+        Take the raw images of a pair.
+
+        Parameters
+        ----------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            RGB.
+        applied : numpy.ndarray, shape (7,)
+            By which the rows of the right view are corrected, px, see `rows.alignment`.
 
         Returns
         -------
@@ -74,6 +86,8 @@ class Views:
             These; their arrays hold the pair until the next one is loaded.
 
         """
+        if self.moved is not None:
+            self.moved.move(applied)
         color = self.settings.color
         levels = [self.left.load(left, color), self.right.load(right, color)]
         gains = channel_gains(levels, color, self.tuning)

@@ -8,7 +8,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile
 
-from ...core.account import doubt_about_ranges, status_shares
+from ...core.account import doubt_about_ranges, doubts_about_rows, status_shares
 from ...errors import bounded
 from ...messages.synchronizer import SIDES
 
@@ -139,10 +139,26 @@ def _calibration(sensor):
     values |= {'size (px)': f'{geometry.width} x {geometry.height}',
                'focal length (px)': geometry.focal_x, 'baseline (m)': geometry.baseline,
                'cx left - cx right (px)': geometry.principal_offset}
-    warnings = [*watch.warnings, *filter(None, [sensor.inputs.frame_warning])]
+    result = sensor.worker.account.result
+    rows = [] if result is None else doubts_about_rows(result)
+    values |= _rows(result)
+    warnings = [*watch.warnings, *filter(None, [sensor.inputs.frame_warning]), *rows]
     if warnings:
         return WARN, '; '.join(warnings), values
     return OK, 'calibrated', values
+
+
+def _rows(result):
+    """Return what the latest pair showed of the rows of the two views."""
+    if result is None or result.alignment is None:
+        return {}
+    alignment = result.alignment
+    if not alignment.known:
+        return {'row error': 'not observable' if not alignment.observable else 'unknown'}
+    error, place = alignment.largest()
+    return {'row error (px)': error, 'row error, largest': place,
+            'row error, standard deviation (px)': float(alignment.std[0]),
+            'rows corrected': bool(alignment.applied.any())}
 
 
 def _about_no_calibration(watch):

@@ -5,7 +5,7 @@ import re
 import time
 
 from ...core.account import (doubt_about_ranges, doubts_about_images, doubts_about_order,
-                             status_shares, SUSPICIOUS)
+                             doubts_about_rows, status_shares, SUSPICIOUS)
 
 _PERIOD = 0.5
 """s between two looks at the images."""
@@ -77,8 +77,9 @@ class Doubts:
     def _say(self, result):
         """Say what was not true of the pair before, its numbers left aside."""
         few = doubt_about_ranges(status_shares(result.status))
-        doubts = {re.split('[;:?]', doubt)[0]: doubt
-                  for doubt in (*self.current, *filter(None, [few]))}
+        doubts = {re.sub(r'[\d.]+', '', re.split('[;:?(]', doubt)[0]): doubt
+                  for doubt in (*doubts_about_rows(result), *self.current,
+                                *filter(None, [few]))}
         for kind in doubts.keys() - self._kinds:
             self._warn(doubts[kind])
         self._kinds = set(doubts)

@@ -18,6 +18,7 @@ from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
 from ..complaints import Complaints
 from .doubts import Doubts
+from .row_search import RowSearch
 
 _KEPT = 300
 _PATIENCE = 2.0  # s
@@ -101,6 +102,7 @@ class Worker:
         self._complain = Complaints(lambda text: logger.error(bounded(text, _TRACE)))
         self._warn = Complaints(lambda text: logger.warning(bounded(text)))
         self.doubts = Doubts(self._warn)
+        self._rows = RowSearch()
         self.values = SignificantBits()
         self._built = None  # (key, ColorStereo)
         self._helper = None  # a process that compiles
@@ -214,6 +216,7 @@ class Worker:
         if news:
             self._warn(news)
         self.doubts.look(stereo, left, right, result)
+        self._rows.look(stereo, left, right, result)
 
     def _stereo(self, setup):
         """Return the ColorStereo of a setup, built again if need be; None without calibration."""
@@ -227,7 +230,7 @@ class Worker:
                 with told_of_compiling(lambda: self._note_compiling(setup.settings.core)):
                     self._built = setup.key, ColorStereo(
                         setup.calibration, setup.settings.core,
-                        rectified_input=setup.settings.input.rectified)
+                        rectified_input=setup.settings.input.rectified, search_at_once=False)
             finally:
                 self._end_helper()
                 self.state = 'ready'

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pair is measured again until the rows of its views agree."""
+
+import math
+
+from ..rows.alignment import Alignment, RowEvidence
+from ..rows.estimate import applicable, failed, field_apart, left_over
+from ..rows.tuning import TUNING
+
+
+class Aligner:
+    """
+    Measures the rows of pairs and corrects them.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height of the image, px.
+    correct : bool
+        Correct the rows; False: only measure them.
+
+    """
+
+    def __init__(self, size, correct):
+        """Take what is the same for all pairs."""
+        self.size, self.correct = size, correct
+
+    def align(self, prior, measured, search):
+        """
+        Measure one pair with its rows corrected.
+
+        Parameters
+        ----------
+        prior : Alignment or None
+            What is known of the rows.
+        measured : callable
+            Measures the pair with the rows of the right view corrected by prior.applied; takes
+            an Alignment and returns that which the pair shows.
+        search : callable or None
+            Searches the pair from nothing; returns an Alignment or None, and a sentence.
+
+        Returns
+        -------
+        alignment : Alignment
+            That of the last call of `measured`.
+
+        """
+        prior = Alignment.unknown(self.size) if prior is None else prior
+        found = self.followed(prior, measured)
+        if found.agreeing:
+            return agreed(found)
+        if not found.due:
+            return settled(prior, found).but(wait=found.wait - 1)
+        if prior.applied.any() and self.correct:
+            fresh = self.followed(Alignment.unknown(self.size), measured)
+            if better(fresh, found):
+                return agreed(fresh)
+            found = self.followed(prior, measured)
+        if search is None:
+            return settled(prior, found)
+        return self.after(*search(), prior, found, measured)
+
+    def after(self, start, sentence, prior, found, measured):
+        """
+        Go on from what a search has found.
+
+        Parameters
+        ----------
+        start : Alignment or None
+        sentence : str
+            What was found that cannot be corrected.
+        prior, found : Alignment
+            Before the pair, and what the pair shows without the search.
+        measured : callable
+            See `align`.
+
+        Returns
+        -------
+        alignment : Alignment
+
+        """
+        if start is not None and self.correct and field_apart(start, found) > TUNING.use.bump:
+            other = self.followed(start, measured)
+            if better(other, found):
+                return agreed(other)
+            found = self.followed(prior, measured)
+        if start is not None and not self.correct:
+            return failed(start.but(applied=found.applied, agreeing=False, misfit=found.misfit,
+                                    tries=found.tries), sentence)
+        return failed(settled(prior, found), sentence)
+
+    def followed(self, prior, measured):
+        """Measure the pair until nothing is left that its matches show; see `align`."""
+        use = TUNING.use
+        applied = applicable(prior) if self.correct else prior.applied
+        for turn in range(use.turns):
+            found = measured(prior.but(applied=applied))
+            left = left_over(found)
+            if not self.correct or left < use.again or turn == use.turns - 1:
+                break
+            if not found.agreeing and left < use.followed:
+                break
+            applied, last = applicable(found), applied
+            if not (applied != last).any():
+                break
+        return found
+
+
+def agreed(alignment):
+    """Return an alignment that is carried on; where it does not agree, a search may wait."""
+    if not alignment.agreeing:
+        return failed(alignment, '')
+    return alignment.but(searched='', wait=0, tries=0)
+
+
+def better(one, other):
+    """Return whether the views agree clearly better under one alignment than under another."""
+    return one.misfit < TUNING.use.better * other.misfit
+
+
+def doubt(alignment):
+    """Return the log-odds that all nodes lose because the views of a pair do not agree."""
+    use = TUNING.use
+    if alignment.agreeing or not alignment.scatter > use.chance or math.isinf(alignment.misfit):
+        return 0.0
+    return min(use.doubt * math.log2(max(alignment.misfit / use.poor, 1.0)), use.largest_doubt)
+
+
+def settled(prior, found):
+    """Return what is carried on of a pair whose views do not agree: what was known before."""
+    return found.but(coefficients=prior.coefficients, covariance=prior.covariance,
+                     evidence=RowEvidence.none())

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""By how much the rows of the two views disagree, measured at the matches of a pair."""
+
+import cv2
+import numpy as np
+
+from ..rows.alignment import RowEvidence, terms
+from ..rows.estimate import significant, updated
+from ..rows.tuning import TUNING as ROWS
+from .grid_kernels import F4
+from .row_kernels import (
+    CELL, CELL_STEP, COUNT, DISPARITY, INFORMATION, MISFIT, PLACE, PULL, QUANTITIES, row_cells,
+    STRUCTURE)
+
+
+class RowTracker:
+    """
+    Measures the row error that the matches of a pair show.
+
+    Parameters
+    ----------
+    grid : HalfGrid
+    tuning : Tuning
+    arena : Arena
+
+    """
+
+    def __init__(self, grid, tuning, arena):
+        """Allocate the cells."""
+        self.grid, self.tuning = grid, tuning.rows
+        self.robust_misfit = F4(tuning.planes.robust_misfit)
+        self.variance_factor = tuning.trust.variance_factor
+        lines, columns = (-(-count // CELL) for count in grid.nodes)
+        self.shape = lines, columns
+        self.cells = arena.zeros((lines, -(-columns // CELL_STEP), len(QUANTITIES)), F4)
+        self.middle = np.broadcast_to(
+            2.0 * CELL * np.arange(lines)[:, None] + CELL - 0.5, self.cells.shape[:2])
+
+    def measure(self, views, planes, pair, prior):
+        """
+        Return the alignment that the matches and a prior show together.
+
+        Parameters
+        ----------
+        views : Views
+            The right one with its rows corrected by prior.applied.
+        planes : PlaneField
+        pair : PairModel
+        prior : Alignment
+
+        Returns
+        -------
+        alignment : Alignment
+
+        """
+        left, right, cells = views.left, views.right, self.cells
+        prior = prior.but(misfit=np.nan, scatter=np.nan)
+        row_cells(left.u, left.v, left.variance, right.u, right.v, right.variance, pair.matrix,
+                  planes.d, self.robust_misfit, pair.scale, *self.grid.nodes, cells)
+        least = self.tuning.least_information
+        count, information = cells[..., COUNT], cells[..., INFORMATION]
+        structure = cells[..., STRUCTURE]
+        structured, lit = (np.count_nonzero(structure > each) for each in (least, 0))
+        used = (count >= self.tuning.least_nodes) & (information > least) & (structure > least)
+        if structured < max(ROWS.estimate.least_cells, ROWS.use.least_structured * lit):
+            return prior.but(observable=False, agreeing=True, evidence=RowEvidence.none())
+        told = cells[used].astype(np.float64)
+        if len(told) < max(ROWS.estimate.least_cells, ROWS.use.least_share * structured):
+            return prior.but(observable=False, agreeing=False, misfit=np.inf,
+                             evidence=RowEvidence.none())
+        number = told[:, COUNT]
+        x, y = told[:, PLACE] / number + 0.5, self.middle[used]
+        misfit = float(np.median(told[:, MISFIT] / number))
+        dy = told[:, PULL] / told[:, INFORMATION] + terms(x, y, prior.size) @ prior.applied
+        found = updated(prior, x, y, dy, told[:, INFORMATION], told[:, DISPARITY] / number)
+        steady = found.observable and found.scatter < ROWS.use.steady
+        return found.but(agreeing=misfit < ROWS.use.poor or steady, misfit=misfit)
+
+    def widen(self, planes, alignment):
+        """
+        Add to planes.variance what the row error that is left does to the disparities.
+
+        Parameters
+        ----------
+        planes : PlaneField
+        alignment : Alignment
+
+        """
+        if not (alignment.applied.any() or significant(alignment)):
+            return
+        lines, columns = self.shape
+        x, y = np.meshgrid(2.0 * CELL * np.arange(columns) + CELL - 0.5,
+                           2.0 * CELL * np.arange(lines) + CELL - 0.5)
+        if len(alignment.evidence.x):  # the place in the right image
+            x = x - float(np.median(alignment.evidence.disparity))
+        there = terms(x, y, alignment.size)
+        rest = there @ (alignment.coefficients - alignment.applied)
+        variance = rest * rest + np.einsum('...i,ij,...j', there, alignment.covariance, there)
+        excess = np.maximum(variance - ROWS.use.silent ** 2, 0)
+        if not excess.any():
+            return
+        excess *= ROWS.use.coverage ** 2 / self.variance_factor
+        rows, columns = self.grid.nodes
+        planes.variance[self.grid.inner] += cv2.resize(
+            excess.astype(F4), (self.shape[1] * CELL, self.shape[0] * CELL),
+            interpolation=cv2.INTER_LINEAR)[:rows, :columns]

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search for the rows of the two views in a thread of its own, while pairs go on."""
+
+import threading
+
+import numpy as np
+
+
+class RowSearch:
+    """Searches a pair whose views do not agree; what it finds holds from the next pair on."""
+
+    def __init__(self):
+        self._thread = None
+
+    def look(self, stereo, left, right, result):
+        """
+        Begin a search if this pair calls for one and none is under way.
+
+        Parameters
+        ----------
+        stereo : ColorStereo
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB images.
+        result : RangeResult
+
+        """
+        if result.alignment is None or not result.alignment.due or self.busy:
+            return
+        # images of a message may be written again
+        self._thread = threading.Thread(
+            target=_search, args=(stereo, np.copy(left), np.copy(right)), name='row search',
+            daemon=True)
+        self._thread.start()
+
+    @property
+    def busy(self):
+        """Return whether a search is under way."""
+        return self._thread is not None and self._thread.is_alive()
+
+
+def _search(stereo, left, right):
+    found = stereo.search_rows(left, right)
+    if not stereo.alignment.agreeing:  # else a pair has found out by itself
+        stereo.adopt(found)

@@ -1,0 +1,413 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of the two views that disagree: known errors are found, corrected, told and forgotten."""
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+
+from color_stereo_ros.core import ColorStereo
+from color_stereo_ros.core.account import doubts_about_result
+from color_stereo_ros.core.rows.alignment import Alignment, COUNT, terms
+from color_stereo_ros.core.rows.estimate import applicable, failed, resumed, updated
+from color_stereo_ros.core.rows.search import ASTRAY, fit, search, UPSIDE_DOWN
+from color_stereo_ros.core.rows.tuning import TUNING
+from color_stereo_ros.nodes.sensor.row_search import RowSearch
+import numpy as np
+import pytest
+from scenes import hue_pair, paper_settings, parallel_rig
+from surface_pairs import exposed, photographed, rig, surface_settings
+
+SIZE = 320, 240
+LARGE = 640, 480
+LIMITS = 8, 40
+SMALL_ERRORS = {
+    'offset': (0.4, 0, 0, 0, 0, 0, 0), 'one pixel': (-1, 0, 0, 0, 0, 0, 0),
+    'two pixels': (2, 0, 0, 0, 0, 0, 0), 'roll': (0, 1.4, 0, 0, 0, 0, 0),
+    'scale': (0, 0, 1.6, 0, 0, 0, 0), 'quadratic': (0.2, 0, 0, 0.3, -0.4, 0.5, 0),
+    'radial': (0, 0, 0, 0, 0, 0, 0.8)}
+
+
+def coefficients(*values):
+    """Return so many coefficients of the row error, px; the others are 0."""
+    return np.array([*values, *np.zeros(COUNT - len(values))], float)
+
+
+def row_error(values, size=SIZE):
+    """Return the row error at every pixel (x, y) of the right view: what shows row y, px."""
+    y, x = np.mgrid[:size[1], :size[0]].astype(float)
+    there = y
+    for _ in range(4):  # the error is that at the row that should be there
+        there = y - terms(x, there, size) @ np.array(values, float)
+    return y - there
+
+
+@lru_cache(maxsize=16)
+def left_light(size, kind):
+    """Return what the left camera sees of a slanted board."""
+    return photographed(-disparity(size), kind=kind)
+
+
+def disparity(size):
+    """Return the disparity of the board at the pixels of the left image, px."""
+    return np.add.outer(0.01 * np.arange(size[1]), 20 + 0.02 * np.arange(size[0]))
+
+
+def pair(values=(), seed=1, size=SIZE, kind='hue_field'):
+    """Return a pair of the board; the rows of the right view are off by the row error."""
+    rng = np.random.default_rng(seed)
+    zeros = np.zeros(size[::-1])
+    right = photographed(zeros, kind=kind, rows=row_error(coefficients(*values), size))
+    return exposed(left_light(size, kind), rng), exposed(right, rng)
+
+
+def sensor(size=SIZE, **changes):
+    """Return a sensor of these pairs."""
+    return ColorStereo(rig(*size), surface_settings(*LIMITS, **changes))
+
+
+@pytest.fixture(scope='module')
+def stereo():
+    """Return a sensor; tests forget what others have left."""
+    return sensor()
+
+
+def apart(alignment, values, size=SIZE):
+    """Return the error of an alignment in the middle of the image, root mean square, px."""
+    x, y = np.meshgrid(np.arange(20, size[0] - 40, 10), np.arange(10, size[1] - 10, 10))
+    return float(np.sqrt(np.mean((alignment.error(x, y) - terms(x, y, size)
+                                  @ coefficients(*values)) ** 2)))
+
+
+def same(one, other):
+    """Return whether two results have the same bytes."""
+    return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
+               for name in ('disparity', 'confidence', 'disparity_std', 'status'))
+
+
+# ---- in the sensor
+
+@pytest.mark.parametrize('name', SMALL_ERRORS)
+def test_known_row_errors_are_found_and_corrected(stereo, name):
+    values = SMALL_ERRORS[name]
+    stereo.reset()
+    clean = stereo.process(*pair(seed=3))
+    stereo.reset()
+    first, _, third = (stereo.process(*pair(values, seed)) for seed in (1, 2, 3))
+    assert third.alignment.observable and third.alignment.agreeing
+    assert apart(third.alignment, values) < 0.04
+    dense, dense_first, dense_third = (np.isfinite(each.disparity[6:-6]).mean()
+                                       for each in (clean, first, third))
+    assert dense_first > dense - 0.02 and dense_third > dense - 0.01
+    right = np.abs(third.disparity - disparity(SIZE)) < 0.2
+    assert right.mean() > 0.97 * (np.abs(clean.disparity - disparity(SIZE)) < 0.2).mean()
+
+
+def test_the_standard_deviation_of_disparities_holds_with_corrected_rows(stereo):
+    stereo.reset()
+    z = []
+    for seed in (1, 2, 3):
+        result = stereo.process(*pair((0.3, 0.2, -0.2), seed))
+        z.append(np.abs(result.disparity - disparity(SIZE)) / result.disparity_std)
+    assert 0.5 < np.nanpercentile(z[-1], 68) < 1.4
+
+
+def test_twenty_pixels_are_found_within_the_first_pair():
+    stereo = sensor(LARGE)
+    result = stereo.process(*pair((20.0, 0.8, -0.5), size=LARGE))
+    assert apart(result.alignment, (20.0, 0.8, -0.5), LARGE) < 0.05
+    assert result.density > 0.85
+    again = stereo.process(*pair((20.0, 0.8, -0.5), 2, LARGE))
+    assert apart(again.alignment, (20.0, 0.8, -0.5), LARGE) < 0.03
+
+
+def test_rows_that_agree_change_no_byte(stereo):
+    stereo.reset()
+    results = [stereo.process(*pair(seed=seed)) for seed in (1, 2, 3)]
+    plain = sensor(matching__row_alignment='off')
+    for seed, result in zip((1, 2, 3), results):
+        assert not result.alignment.applied.any()
+        assert apart(result.alignment, ()) < 0.02
+        assert same(result, plain.process(*pair(seed=seed)))
+
+
+def test_measure_changes_no_disparity_and_tells_the_error():
+    stereo = sensor(matching__row_alignment='measure')
+    plain = sensor(matching__row_alignment='off')
+    result, expected = (each.process(*pair((0.3,))) for each in (stereo, plain))
+    both = np.isfinite(result.disparity) & np.isfinite(expected.disparity)
+    assert both.mean() > 0.8
+    np.testing.assert_array_equal(result.disparity[both], expected.disparity[both])
+    assert not result.alignment.applied.any() and apart(result.alignment, (0.3,)) < 0.1
+    assert (result.disparity_std[both] > expected.disparity_std[both]).mean() > 0.99
+    assert expected.alignment is None
+
+
+def test_the_papers_method_sees_the_pair_as_it_is():
+    stereo = ColorStereo(parallel_rig(), paper_settings(range__min_depth=0.7,
+                                                        range__max_depth=4.0))
+    assert stereo.process(*hue_pair(5.0)).alignment is None
+
+
+def test_a_sweep_shows_no_rows_and_they_are_left():
+    stereo = sensor(pattern__type='sweep')
+    result = stereo.process(*pair((1.0,), kind='sweep'))
+    assert not result.alignment.observable and not result.alignment.known
+    assert not result.alignment.applied.any()
+
+
+def test_a_bump_is_recovered_by_the_next_pair(stereo):
+    stereo.reset()
+    before = [stereo.process(*pair(seed=seed)) for seed in (1, 2, 3)]
+    after = [stereo.process(*pair((1.2, 0.3), seed)) for seed in (4, 5)]
+    assert apart(after[-1].alignment, (1.2, 0.3)) < 0.03
+    assert after[-1].density > before[-1].density - 0.01
+    back = stereo.process(*pair(seed=6))
+    assert not back.alignment.applied.any()
+
+
+# ---- an explicit value
+
+def test_a_pair_with_a_given_alignment_depends_on_nothing_else(stereo):
+    stereo.reset()
+    given = stereo.process(*pair((0.5,))).alignment
+    first = stereo.process(*pair((0.5,), 2), given)
+    stereo.process(*pair((-1.0, 0.5), 3))
+    stereo.process(*pair(seed=4))
+    second = stereo.process(*pair((0.5,), 2), given)
+    assert same(first, second)
+    np.testing.assert_array_equal(first.alignment.coefficients, second.alignment.coefficients)
+
+
+def test_a_given_alignment_is_not_carried_on(stereo):
+    stereo.reset()
+    given = stereo.process(*pair((0.5,))).alignment
+    stereo.reset()
+    carried = stereo.process(*pair(seed=2)).alignment
+    stereo.process(*pair((0.5,), 3), given)
+    assert stereo.alignment is carried
+
+
+def test_reset_forgets_the_rows(stereo):
+    stereo.reset()
+    first = stereo.process(*pair((0.5,)))
+    stereo.process(*pair((0.5,), 2))
+    stereo.reset()
+    assert not stereo.alignment.known
+    assert same(stereo.process(*pair((0.5,))), first)
+
+
+def test_a_new_sensor_knows_nothing_of_the_rows():
+    assert not sensor().alignment.known
+
+
+def test_alignments_cannot_be_written(stereo):
+    stereo.reset()
+    found = stereo.process(*pair((0.5,))).alignment
+    for values in (found.coefficients, found.covariance, found.applied, found.evidence.dy):
+        with pytest.raises(ValueError, match='read-only'):
+            values[...] = 0
+
+
+def test_evidence_says_where_the_rows_were_compared(stereo):
+    stereo.reset()
+    evidence = stereo.process(*pair((0.5,))).alignment.evidence
+    assert len(evidence.x) > 30 and len({len(each) for each in vars(evidence).values()}) == 1
+    assert np.average(evidence.dy, weights=evidence.sigma ** -2.0) == pytest.approx(0.5, abs=0.03)
+    assert abs(np.median(evidence.disparity) - np.median(disparity(SIZE))) < 2
+    assert evidence.y.min() < 40 and evidence.y.max() > 200
+
+
+def test_threads_with_alignments_of_their_own_do_not_disturb_each_other(stereo):
+    stereo.reset()
+    given = [stereo.process(*pair(values)).alignment for values in ((0.5,), (-0.5,))]
+    pairs = [pair((0.5,), 2), pair((-0.5,), 2)]
+    alone = [stereo.process(*images, each) for images, each in zip(pairs, given)]
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(
+            lambda index: stereo.process(*pairs[index % 2], given[index % 2]), range(8)))
+    assert all(same(result, alone[index % 2]) for index, result in enumerate(together))
+
+
+# ---- pairs that do not belong together
+
+def test_two_scenes_are_told_and_nothing_is_carried_on():
+    stereo = sensor(LARGE)
+    good = pair(size=LARGE)
+    other = photographed(np.zeros(LARGE[::-1]), kind='hue_field', feature_size=11.0)
+    bad = good[0], exposed(other, np.random.default_rng(5))
+    clean = stereo.process(*good)
+    result = stereo.process(*bad)
+    assert not result.alignment.agreeing and result.alignment.sentence() == ASTRAY
+    assert ASTRAY in doubts_about_result(stereo, *bad, result)
+    assert (result.confidence > 0.9).mean() < 0.01
+    assert same(stereo.process(*good), clean)
+
+
+def test_a_search_in_vain_is_not_repeated_at_once():
+    stereo = sensor(LARGE)
+    good = pair(size=LARGE)
+    other = photographed(np.zeros(LARGE[::-1]), kind='hue_field', feature_size=11.0)
+    bad = good[0], exposed(other, np.random.default_rng(5))
+    tries = [stereo.process(*bad).alignment.tries for _ in range(4)]
+    assert tries == [1, 1, 1, 2]
+    assert stereo.process(*good).alignment.tries == 0
+
+
+def test_the_search_says_upside_down_and_too_far():
+    stereo = sensor(LARGE)
+    left, right = pair(size=LARGE)
+    turned = search(stereo.rectify(left, np.ascontiguousarray(right[::-1, ::-1])), LIMITS)
+    assert turned == (None, UPSIDE_DOWN)
+    far = np.zeros_like(right)
+    far[100:] = right[:-100]
+    found, sentence = search(stereo.rectify(left, far), LIMITS)
+    assert found is None and sentence.startswith('rows differ by 100 px, more than the 32 px')
+
+
+def test_the_search_in_images_without_features_finds_nothing():
+    stereo = sensor()
+    gray = np.full((*SIZE[::-1], 3), 90, np.uint8)
+    assert search(stereo.rectify(gray, gray), LIMITS) == (None, '')
+
+
+def test_matches_that_are_wrong_do_not_bend_the_fit():
+    rng = np.random.default_rng(7)
+    left = rng.uniform(0, 1, (400, 2)) * LARGE
+    right = left - [20, 0]
+    right[:, 1] += terms(right[:, 0], left[:, 1], LARGE) @ coefficients(12, 1.5, -0.8, 0.3)
+    right += rng.normal(0, 0.3, right.shape)
+    right[:120] = rng.uniform(0, 1, (120, 2)) * LARGE
+    found, agree = fit(left, right, LARGE)
+    assert apart(found, (12, 1.5, -0.8, 0.3), LARGE) < 0.1
+    assert agree[120:].mean() > 0.98 and agree[:120].mean() < 0.1
+
+
+# ---- the estimate
+
+def cells(values, count=200, scatter=0.05, size=SIZE, seed=1):
+    """Return places, row errors, information and disparities of cells."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 1, (2, count)) * np.array(size)[:, None]
+    dy = terms(x, y, size) @ coefficients(*values) + rng.normal(0, scatter, count)
+    return x, y, dy, np.full(count, scatter ** -2), np.full(count, 30.0)
+
+
+def test_the_estimate_is_as_good_as_it_says():
+    z = []
+    for seed in range(40):
+        found = updated(Alignment.unknown(SIZE), *cells((0.3, -0.2, 0.5), seed=seed))
+        z.append((found.coefficients - coefficients(0.3, -0.2, 0.5)) / found.std)
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.2
+
+
+def test_higher_terms_stay_near_zero_where_the_evidence_does_not_carry_them():
+    x, y, dy, information, d = cells((0.3,), count=60, scatter=0.2)
+    x, y = 100 + x / 10, 100 + y / 10  # a small object
+    found = updated(Alignment.unknown(SIZE), x, y, dy, information, d)
+    assert np.abs(found.coefficients[3:]).max() < 0.3
+    assert found.error(110, 110) == pytest.approx(0.3, abs=0.15)
+
+
+def test_outliers_hardly_count():
+    x, y, dy, information, d = cells((0.3,))
+    dy[::5] += 3
+    found = updated(Alignment.unknown(SIZE), x, y, dy, information, d)
+    assert apart(found, (0.3,)) < 0.03
+
+
+def test_pairs_add_up_and_the_spread_stays_that_of_a_drift():
+    alignment, spread = Alignment.unknown(SIZE), []
+    for seed in range(8):
+        alignment = updated(alignment, *cells((0.3,), seed=seed))
+        spread.append(alignment.std[0])
+    assert spread[1] < spread[0] and spread[-1] == pytest.approx(spread[-2], rel=0.05)
+    assert apart(alignment, (0.3,)) < 0.02
+
+
+def test_too_few_cells_say_nothing():
+    prior = updated(Alignment.unknown(SIZE), *cells((0.3,)))
+    found = updated(prior, *cells((2.0,), count=TUNING.estimate.least_cells - 1))
+    assert not found.observable and found.known
+    np.testing.assert_array_equal(found.coefficients, prior.coefficients)
+    assert found.std[0] > prior.std[0]
+
+
+def test_what_may_be_chance_is_not_applied():
+    small = updated(Alignment.unknown(SIZE), *cells((0.01,)))
+    assert not applicable(small).any()
+    large = updated(Alignment.unknown(SIZE), *cells((0.1,)))
+    np.testing.assert_array_equal(applicable(large), large.coefficients)
+    noisy = updated(Alignment.unknown(SIZE), *cells((0.1,), count=30, scatter=1.0))
+    assert not applicable(noisy).any()
+
+
+def test_a_tiny_change_keeps_what_is_applied():
+    found = updated(Alignment.unknown(SIZE), *cells((0.3,)))
+    applied = found.coefficients + coefficients(0.002)
+    np.testing.assert_array_equal(applicable(found.but(applied=applied)), applied)
+
+
+@pytest.mark.parametrize('values, sentence', [
+    ((0.7,), 'rows differ by 0.7 px'), ((0, 0.4, 0.6), '(bottom right)'), ((0.1,), '')])
+def test_people_are_told_of_large_errors_and_where_they_are(values, sentence):
+    told = updated(Alignment.unknown(SIZE), *cells(values)).sentence()
+    assert sentence in told and bool(told) == bool(sentence)
+    assert not told or told.endswith('calibration or mounting has changed')
+
+
+# ---- the search beside the pairs
+
+class Stereo:
+    """What a search beside the pairs needs of a sensor."""
+
+    def __init__(self, alignment):
+        self.alignment, self.found = alignment, alignment.but(tries=5)
+
+    def search_rows(self, left, right):
+        """Return what a search finds."""
+        return self.found
+
+    def adopt(self, alignment):
+        """Take an alignment."""
+        self.alignment = alignment
+
+
+class Result:
+    """A result of which only the alignment is known."""
+
+    def __init__(self, alignment):
+        self.alignment = alignment
+
+
+@pytest.mark.parametrize('changes, searched', [
+    ({}, True), ({'agreeing': True}, False), ({'wait': 1}, False)])
+def test_the_node_searches_where_the_views_do_not_agree(changes, searched):
+    stereo = Stereo(Alignment.unknown(SIZE).but(**changes))
+    rows, image = RowSearch(), np.zeros((2, 2, 3), np.uint8)
+    rows.look(stereo, image, image, Result(stereo.alignment))
+    for _ in range(100):
+        if not rows.busy:
+            break
+        rows._thread.join(0.1)
+    assert (stereo.alignment is stereo.found) == searched
+
+
+def test_a_sensor_that_leaves_the_search_to_others_takes_what_they_find():
+    stereo = ColorStereo(rig(*LARGE), surface_settings(*LIMITS), search_at_once=False)
+    images = [pair((12.0,), seed, LARGE) for seed in (1, 2)]
+    first = stereo.process(*images[0])
+    assert first.alignment.due and first.density < 0.1
+    stereo.adopt(stereo.search_rows(*images[0]))
+    second = stereo.process(*images[1])
+    assert second.density > 0.85 and apart(second.alignment, (12.0,), LARGE) < 0.04
+
+
+def test_what_a_search_finds_again_does_not_count_as_news():
+    current = Alignment.unknown(SIZE)
+    assert resumed(current, current, '').tries == 1
+    found = resumed(current, current.but(coefficients=coefficients(3.0)), '')
+    assert found.coefficients[0] == 3.0 and not found.due
+    waits = [current.wait]
+    for _ in range(10):
+        current = failed(current, 'nothing')
+        waits.append(current.wait)
+    assert waits[:4] == [0, 2, 4, 8] and max(waits) == TUNING.search.largest_wait
