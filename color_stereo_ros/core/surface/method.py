@@ -30,6 +30,7 @@ import numpy as np
 from ..compiled import Arena
 from ..patterns.expectation import Expectation
 from .coarse import CoarseSearch
+from .even import Evening
 from .grid import HalfGrid
 from .grid_kernels import F4
 from .neighbors import propagate_planes, rough_tiles
@@ -76,6 +77,7 @@ class SurfaceMethod:
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
                                           arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
+        self.evening = Evening(settings.matching, tuning)
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
             # the black pair that warms the kernels has no colors to match
@@ -104,6 +106,8 @@ class SurfaceMethod:
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
         if self.settings.matching.refinements:
             pair = self.fit_seeds(views, planes, pair, clock)
+        if self.evening.on:
+            pair = self.even_out(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
         self.least_squares.correct_variance(planes)
@@ -141,6 +145,43 @@ class SurfaceMethod:
         solver.linearize(views, planes, pair, planes.tiles)
         pair = pair.measured(views, planes, self.match_colors, self.tuning)
         clock.lap('compare 1', pair)
+        return pair
+
+    def even_out(self, views, planes, pair, clock):
+        """
+        Make the views alike in blur and color, as far as the first round shows a difference.
+
+        Where the difference is large the search is repeated. Writes the views and all of planes.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField
+            After the first round.
+        pair : PairModel
+            As the first round has measured it.
+        clock : Stopwatch
+
+        Returns
+        -------
+        pair : PairModel
+            That of the changed views; this one where nothing has changed.
+
+        """
+        neutral = PairModel.neutral(views)
+        for _ in range(self.tuning.unlike.searches + 1):
+            changed, size = self.evening.improve(views, planes)
+            if not changed:
+                break
+            if size >= 1:
+                planes.seed(self.coarse.search(views))
+                linearized = self.least_squares.linearize(views, planes, neutral, planes.tiles)
+                self.least_squares.fit(linearized, views, planes, neutral, planes.tiles, turn=0)
+            self.least_squares.linearize(views, planes, neutral, planes.tiles)
+            pair = neutral.measured(views, planes, self.match_colors, self.tuning)
+            if size < 1:
+                break
+        clock.lap('even out', pair)
         return pair
 
     def refine(self, turn, views, planes, pair, clock):

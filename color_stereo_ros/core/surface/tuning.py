@@ -239,6 +239,104 @@ class PairTuning(Constants):
 
 
 @dataclass(frozen=True)
+class UnlikeTuning(Constants):
+    """By how much the two views differ in blur and color, and when that is evened out."""
+
+    blur: bool = constant(
+        True, '1', 'Measure unequal blur (`matching.blur_matching`).',
+        derived('The blur of steep colors shows.'))
+    color: bool = constant(
+        True, '1', 'Measure unequal colors over the image (`matching.color_matching`).',
+        derived('Steep colors tell color and place apart.'))
+    first_steps: tuple = constant(
+        (16, 4), 'nodes', 'Rows and columns between the nodes of the first look.',
+        chosen('1200 nodes are left at 640 x 480, .001 s.'))
+    next_steps: tuple = constant(
+        (8, 4), 'nodes', 'The same of later looks, where the first one has found something.',
+        chosen('As `pair.adapt_steps`.'))
+    band_steps: tuple = constant(
+        (2, 4), 'nodes', 'The same where the gains of rows are measured.',
+        derived('Every bin of rows holds samples.'))
+    least_samples: int = constant(
+        200, 'nodes', 'Matched nodes below which nothing is measured.',
+        chosen('Twelve nodes per coefficient.'))
+    least_explained: float = constant(
+        0.5, '1', 'Share of the spread of the colors that the matches must explain.',
+        chosen('Matches of chance explain nothing; the views are then left as they are.'))
+    repeats: int = constant(
+        4, '1', 'Looks at the same matches.',
+        chosen('A sigma of 3 px is found to .6 px^2 after four, to 3 px^2 after two.'))
+    searches: int = constant(
+        2, '1', 'Searches after the first one.',
+        chosen('The first matches under a sigma of 3 px are rough; the second ones are not.'))
+    turns: int = constant(
+        2, '1', 'Turns of the robust regression.', chosen('Four: the same values within .02.'))
+    robust: float = constant(
+        9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',
+        derived('As `planes.robust_misfit`.'))
+    place_std: float = constant(
+        0.3, 'px', 'Standard deviation of the places of the first matches: a difference along the '
+        'gradient of the color counts for less.',
+        chosen('Seeds scatter by .35 px, fitted planes by less.'))
+    least_scale: float = constant(
+        1e-3, '1', 'Smallest scatter of a chromaticity.',
+        derived('Below the rounding of 8 bits.'))
+    least_share: float = constant(
+        0.01, '1', 'Smallest share of a channel.',
+        derived('Keeps the logarithm of a dark channel finite.'))
+    blur_prior: float = constant(
+        9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
+        derived('A sigma of 3 px is plausible.'))
+    gain_prior: float = constant(
+        0.3, '1', 'Standard deviation of the prior of log gains and of matrix elements.',
+        chosen('Lenses and filters of cameras differ by so much.'))
+    gamma_prior: float = constant(
+        0.5, '1', 'Standard deviation of the prior of an exponent.',
+        chosen('One linear camera beside one with the curve of a screen is plausible.'))
+    certain: float = constant(
+        6.0, '1', 'Standard deviations from which a difference is significant.',
+        chosen('Clean pairs stay at 7 for differences that do not matter.'))
+    least_blur: float = constant(
+        0.3, 'px^2', 'Mean unequal blur below which the views are left as they are.',
+        chosen('Clean pairs stay below .1 px^2.'))
+    large_blur: float = constant(
+        1.5, 'px^2', 'Unequal blur from which the search is repeated.',
+        chosen('A sigma of 1 px costs the search nothing.'))
+    least_variance: float = constant(
+        0.05, 'px^2', 'Smallest blur that is worth the time.',
+        derived('Far below the 3/4 px^2 that every pixel has.'))
+    least_gain: float = constant(
+        0.03, '1', 'Mean log gain below which the colors are left as they are.',
+        chosen('Clean pairs stay below .02.'))
+    least_gamma: float = constant(
+        0.1, '1', 'The same of the exponent.', chosen('Clean pairs stay below .05.'))
+    least_matrix: float = constant(
+        0.1, '1', 'The same of the matrix, which `pair_model.color_matrix` measures, too.',
+        chosen('Clean pairs stay below .05.'))
+    small_share: float = constant(
+        0.2, '1', 'Share of the differences that count as large.',
+        derived('Five times the least difference costs the search matches.'))
+    least_band: float = constant(
+        0.02, '1', 'Log gain of rows (standard deviation) that counts as color bands.',
+        chosen('Clean pairs stay below .01.'))
+    certain_band: float = constant(
+        4.0, '1', 'Ratio of the variance of the gains of rows to that of noise that is '
+        'significant.', chosen('Clean pairs stay below 2.'))
+    least_row_weight: float = constant(
+        100.0, '1', 'Weight of a row whose gain is asked.',
+        derived('A standard deviation of .1.'))
+    band_rows: int = constant(
+        4, 'px', 'Raw rows of a bin of color bands.',
+        chosen('A band is some tens of rows high.'))
+    band_smoothing: float = constant(
+        1.0, 'bins', 'Standard deviation of the window over bins.',
+        chosen('Every gain then has hundreds of samples.'))
+    band_turns: int = constant(
+        3, '1', 'Turns between the bands of both cameras.',
+        chosen('Bands of both cameras differ in their phase, and are told apart quickly.'))
+
+
+@dataclass(frozen=True)
 class PlaneTuning(Constants):
     """Planes by least squares."""
 
@@ -478,6 +576,7 @@ class Tuning(Constants):
     views: ViewTuning = ViewTuning()
     coarse: CoarseTuning = CoarseTuning()
     pair: PairTuning = PairTuning()
+    unlike: UnlikeTuning = UnlikeTuning()
     planes: PlaneTuning = PlaneTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
@@ -521,6 +620,9 @@ def slow(radius):
             'Creases do not show in such colors. One sine: bench .75 -> .80 within 1 px, print '
             '.70 -> .78 (1a505a2).')),
         'pair.color_matching': Change(False, unexplained(
+            'A shift of slow colors looks like a color difference of the cameras.')),
+        'unlike.blur': Change(False, derived('Averaged colors do not show blur.')),
+        'unlike.color': Change(False, unexplained(
             'A shift of slow colors looks like a color difference of the cameras.')),
         'views.foreshortening': Change(False, derived(
             'Averaged colors change too slowly for their blur to show.')),

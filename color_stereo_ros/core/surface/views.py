@@ -195,6 +195,12 @@ class View:
         self.u += F4(self.tuning.print_gain) * np.copysign(excess, level)
 
     @cached_property
+    def raw_rows(self):
+        """Row of each node in the raw image, px, float32; outside: the first one."""
+        stride = self.box.shape[1]
+        return (np.maximum(self.index[0], 0) // stride).astype(F4) + self.index[2] + F4(0.5)
+
+    @cached_property
     def inside_share(self):
         """Share of the nodes around each one that lie inside the raw image, float32, above 0."""
         return np.maximum(self.surroundings(self.inside.astype(F4)),

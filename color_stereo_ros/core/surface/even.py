@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the two views of a pair alike: the sharper one is blurred, colors are changed."""
+
+import cv2
+import numpy as np
+
+from .grid_kernels import F4, PAD
+from .unlike import GAUGES, LINEAR, polynomial, QUADRATIC, Regression, sampled, Unlikeness
+
+ROOT3 = F4(np.sqrt(3.0))
+
+
+class Evening:
+    """
+    Measures by how much the views of a pair differ, and evens that out in the views.
+
+    Nothing is carried from pair to pair.
+
+    Parameters
+    ----------
+    matching : MatchingSettings
+        Of which `blur_matching` and `color_matching` say what is evened out.
+    tuning : Tuning
+
+    """
+
+    def __init__(self, matching, tuning):
+        self.tuning = tuning.unlike
+        self.softening = F4(tuning.views.softening)
+        self.blur = matching.blur_matching and tuning.unlike.blur
+        self.color = matching.color_matching and tuning.unlike.color
+        self.on = (self.blur or self.color) and matching.refinements > 0
+
+    def improve(self, views, planes):
+        """
+        Even out what the matches show, in the views, until nothing more shows.
+
+        Parameters
+        ----------
+        views : Views
+            Changed in place where the views differ.
+        planes : PlaneField
+            After a fit.
+
+        Returns
+        -------
+        changed : bool
+            The views have changed.
+        size : float
+            How far they were from alike; from 1 on, the search may have suffered.
+
+        """
+        changed, size = False, 0.0
+        steps = self.tuning.first_steps
+        for _ in range(self.tuning.repeats):
+            found = self.measure(views, planes, steps)
+            if found is None or not (found.blurred or found.recolored):
+                break
+            apply(found, views, self.softening, self.tuning)
+            changed, size = True, max(size, found.size)
+            steps = self.tuning.next_steps
+        return changed, size
+
+    def measure(self, views, planes, steps):
+        """Return the Unlikeness of the views, None where the matches are too few or too bad."""
+        tuning = self.tuning
+        samples = sampled(views, planes, *steps)
+        if samples.count < tuning.least_samples:
+            return None
+        fit = Regression(samples, views, tuning, self.blur, self.color)
+        if fit.explained < tuning.least_explained:
+            return None
+        blur = np.stack([fit.value('blur', axis, LINEAR) for axis in range(2)])
+        gain = np.stack([fit.value('gain', gauge, QUADRATIC) for gauge in range(2)])
+        matrix = np.stack([fit.value('matrix', row, 2) for row in range(2)])
+        gamma = float(fit.value('gamma', 0, 1)[0])
+        blurs = over(fit, blur, LINEAR)
+        gains = over(fit, gain, QUADRATIC)
+        amount = np.abs(blurs).mean(axis=1).max()
+        blurred = amount > tuning.least_blur and fit.certain('blur') > tuning.certain
+        strength = max(np.abs(gains).mean(axis=1).max() / tuning.least_gain,
+                       abs(gamma) / tuning.least_gamma, np.abs(matrix).max() / tuning.least_matrix)
+        recolored = strength > 1 and max(
+            fit.certain(name) for name in ('gain', 'gamma', 'matrix')) > tuning.certain
+        bands = ()
+        if self.color:
+            spread, ratio = fit.row_spread()
+            if spread > tuning.least_band and ratio > tuning.certain_band:
+                bands = self.bands(views, planes, blurred, recolored)
+        size = max(amount / tuning.large_blur if blurred else 0,
+                   strength * tuning.small_share if recolored else 0,
+                   1.0 if bands else 0)
+        shift = float(np.median(2 * (samples.columns - PAD) - samples.place))
+        return Unlikeness(blur if blurred else np.zeros_like(blur), gain, gamma, matrix,
+                          limits(blurs), limits(gains), bands, shift, blurred,
+                          recolored or bool(bands), size)
+
+    def bands(self, views, planes, blurred, recolored):
+        """Return the gains of rows, from more samples, see `Unlikeness.bands`."""
+        tuning = self.tuning
+        samples = sampled(views, planes, *tuning.band_steps)
+        fit = Regression(samples, views, tuning, self.blur, self.color)
+        raw = (views.left.raw_rows[samples.rows, samples.columns],
+               views.right.raw_rows[samples.rows, np.rint(samples.place).astype(np.int32)])
+        bins = [view.box.shape[0] // tuning.band_rows + 1 for view in (views.left, views.right)]
+        return fit.bands(raw, tuning.band_rows, bins)
+
+
+def over(fit, coefficients, terms):
+    """Return polynomials at the samples of a fit, (K, N)."""
+    return coefficients @ np.stack(polynomial(fit.x, fit.y, terms))
+
+
+def limits(values):
+    """Return where most of values, (K, N), lie, (2, K)."""
+    return np.percentile(values, (2, 98), axis=1)
+
+
+def apply(unlikeness, views, softening, tuning):
+    """Make the views alike, in place."""
+    if unlikeness.blurred:
+        for view, sign in ((views.left, -1), (views.right, 1)):
+            variance = sign * polynomials(unlikeness.blur, LINEAR, unlikeness.blur_limits, view,
+                                          views.grid, unlikeness.shift)
+            if variance.max() > tuning.least_variance:
+                soften(view, np.maximum(variance, 0), softening)
+    if not unlikeness.recolored:
+        return
+    gauged = polynomials(unlikeness.gain, QUADRATIC, unlikeness.gain_limits, views.right,
+                         views.grid, 0.0)
+    log_gain = np.einsum('kc,kyx->cyx', GAUGES.astype(F4), gauged)
+    if unlikeness.bands:
+        of_left, of_right = unlikeness.bands
+        log_gain += between(of_right, views.right.raw_rows, tuning.band_rows)
+        recolor(views.left, 0.0, -between(of_left, views.left.raw_rows, tuning.band_rows),
+                np.zeros((2, 2)))
+    recolor(views.right, unlikeness.gamma, log_gain, unlikeness.matrix)
+
+
+def between(gains, raw_rows, size):
+    """Return the gains of rows, (3, h, w), interpolated between the bins (bins, 3)."""
+    place = np.clip((raw_rows + F4(0.5)) / F4(size) - F4(0.5), 0, len(gains) - 1)
+    low = np.minimum(place.astype(np.int32), len(gains) - 2)
+    share = (place - low)[..., None].astype(F4)
+    return np.moveaxis((1 - share) * gains[low] + share * gains[low + 1], -1, 0)
+
+
+def polynomials(coefficients, terms, bounds, view, grid, shift):
+    """
+    Return polynomials over the right view at the nodes of a view, float32 (K, h, w).
+
+    They stay within bounds, (2, K): where no sample was, a polynomial knows nothing.
+
+    """
+    rows, columns = grid.nodes
+    step = 2 // view.columns_per_node
+    first = PAD if step == 2 else 0
+    height, width = view.u.shape
+    y = ((np.arange(height, dtype=F4) - PAD) * F4(2 / rows) - 1)[:, None]
+    x = (((np.arange(width, dtype=F4) - first) * step - F4(shift)) * F4(1 / columns) - 1)[None]
+    x, y = np.broadcast_arrays(x, y)
+    fields = np.einsum('kt,tyx->kyx', coefficients.astype(F4), np.stack(polynomial(x, y, terms)))
+    low, high = bounds.astype(F4)[:, :, None, None]
+    return np.clip(fields, low, high)
+
+
+def recolor(view, gamma, log_gain, matrix):
+    """
+    Change the chromaticities of a view in place.
+
+    Parameters
+    ----------
+    view : View
+    gamma : float
+        Added to the exponent of the channels.
+    log_gain : numpy.ndarray, float32, shape (3, h, w)
+    matrix : numpy.ndarray, shape (2, 2)
+        Added to the unit matrix; applied last.
+
+    """
+    least = F4(1e-3)
+    red = np.maximum((view.u + 1) / 3, least)
+    half, tilt = (1 - red) / 2, view.v / (2 * ROOT3)
+    channels = [red, np.maximum(half + tilt, least), np.maximum(half - tilt, least)]
+    if gamma:
+        channels = [cv2.pow(each, 1 + gamma) for each in channels]
+    channels = [each * cv2.exp(np.ascontiguousarray(gain))
+                for each, gain in zip(channels, log_gain)]
+    total = channels[0] + channels[1] + channels[2]
+    u = 3 * channels[0] / total - 1
+    v = ROOT3 * (channels[1] - channels[2]) / total
+    lit = view.s > 0
+    map_u, map_v = (np.eye(2) + matrix).astype(F4)
+    view.u[lit] = (map_u[0] * u + map_u[1] * v)[lit]
+    view.v[lit] = (map_v[0] * u + map_v[1] * v)[lit]
+
+
+def soften(view, variance, softening):
+    """
+    Blur a view in place, as a lens would blur its light.
+
+    variance, float32 (2, h, w): by how much along rows and along columns, px^2.
+
+    """
+    weight = view.s + softening
+    inside = view.inside.astype(F4)
+    light = cv2.merge([view.u * weight * inside, view.v * weight * inside, view.s * inside,
+                       inside])
+    step = 2 // view.columns_per_node
+    light = blurred(light, variance[0] / F4(step ** 2), 0)
+    light = blurred(light, variance[1] / F4(4), 1)
+    share = np.maximum(light[..., 3], F4(1e-3))
+    total = np.maximum(light[..., 2] + softening * share, F4(1e-6))
+    lit = view.inside & (view.s > 0)
+    view.u[lit] = (light[..., 0] / total)[lit]
+    view.v[lit] = (light[..., 1] / total)[lit]
+    view.s[lit] = (light[..., 2] / share)[lit]
+
+
+def blurred(light, variance, axis, levels=3):
+    """Blur along an axis, 0: rows, by variances (h, w), nodes^2; between few levels."""
+    least, most = float(variance.min()), float(variance.max())
+    if most < 1e-3:
+        return light
+    if most - least < 0.15 * most + 0.02:
+        return gaussian(light, 0.5 * (most + least), axis)
+    out = np.zeros_like(light)
+    stepped = (variance - F4(least)) * F4(levels / (most - least))
+    for k, value in enumerate(np.linspace(least, most, levels + 1)):
+        share = np.maximum(0, 1 - np.abs(stepped - F4(k)))
+        out += share[..., None] * gaussian(light, value, axis)
+    return out
+
+
+def gaussian(light, variance, axis):
+    """Blur along an axis, 0: rows, by a variance, nodes^2."""
+    if variance < 1e-3:
+        return light
+    reach = max(1, int(np.ceil(3.5 * np.sqrt(variance))))
+    at = np.arange(-reach, reach + 1)
+    if variance > 0.25:
+        kernel = np.exp(-at ** 2 / (2 * variance))
+    else:  # a sampled bell would be too narrow
+        kernel = np.where(at == 0, 1 - variance, np.where(np.abs(at) == 1, variance / 2, 0))
+    kernel, one = (kernel / kernel.sum()).astype(F4), np.ones(1, F4)
+    return cv2.sepFilter2D(light, -1, *((kernel, one) if axis == 0 else (one, kernel)),
+                           borderType=cv2.BORDER_REPLICATE)
