@@ -69,7 +69,8 @@ class SurfaceMethod:
         if tuning is None:
             tuning = tuning_for(Expectation.of(settings.pattern), self.geometry.width)
         self.tuning = tuning
-        self.views = Views(calibration, grid, settings, tuning.views, rectified_input, arena)
+        self.views = Views(calibration, grid, settings, tuning.views, tuning.raw, rectified_input,
+                           arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
@@ -111,6 +112,8 @@ class SurfaceMethod:
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
         self.least_squares.correct_variance(planes)
+        if views.compressed:
+            planes.variance *= self.tuning.raw.noise_correlation
         verdict = self.trust.judge(views, planes, seeds)
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,

@@ -42,6 +42,41 @@ class GridTuning(Constants):
 
 
 @dataclass(frozen=True)
+class RawTuning(Constants):
+    """Compression and hot pixels."""
+
+    rows: tuple = constant(
+        (8, 31), 'px', 'First row and distance of the rows that are looked at.',
+        derived('15 rows of an image of 480, even and odd ones.'))
+    least_columns: int = constant(
+        64, 'px', 'Width of an image below which nothing is looked for.',
+        chosen('Fewer samples show nothing.'))
+    least_change: float = constant(
+        0.05, 'DN', 'Added to mean changes before their ratio.',
+        derived('Far below the change by rounding; an image without colors has a ratio of 1.'))
+    pairing: float = constant(
+        0.18, '1', 'Log ratio of the changes of chroma on even and on odd columns above which '
+        'chroma is subsampled.',
+        chosen('Sensor images stay within .02, whatever their mosaic and blur. JPEG 4:2:0 of '
+               'quality 30 to 95: .6 to 1.7; YUV 4:2:2: .25.'))
+    luma_surroundings: float = constant(
+        4.0, 'px', 'Standard deviation of the surroundings whose brightness luma is divided by.',
+        chosen('JPEG 60, nut: density .80 -> .88; 2 px: .87, 8 px: .85. Printed: .63 -> .95.'))
+    noise_correlation: float = constant(
+        2.0, '1', 'Factor of the variance of planes for errors that neighbors share in compressed '
+        'images.', chosen('z68 of JPEG 60: 1.6 -> 1.1.'))
+    spike: int = constant(
+        40, 'DN', 'Height above the pixels around from which a pixel counts as hot.',
+        chosen('.03 to .04 % of the values of clean images, .2 to .3 % with 1 % hot pixels.'))
+    hot_share: float = constant(
+        0.0012, '1', 'Share of such values above which an image is mended.',
+        chosen('Between the two.'))
+    outlier: int = constant(
+        30, 'DN', 'Height above (below) the pixels around from which a value is replaced.',
+        chosen('1 % hot pixels, printed: density .960 -> .972 for 20, 30 and 40.'))
+
+
+@dataclass(frozen=True)
 class ViewTuning(Constants):
     """From images to chromaticities and their variance."""
 
@@ -573,6 +608,7 @@ class Tuning(Constants):
     """All constants of the surface method."""
 
     grid: GridTuning = GridTuning()
+    raw: RawTuning = RawTuning()
     views: ViewTuning = ViewTuning()
     coarse: CoarseTuning = CoarseTuning()
     pair: PairTuning = PairTuning()

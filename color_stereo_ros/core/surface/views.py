@@ -8,6 +8,7 @@ spread they have, and their colors.
 """
 
 from functools import cached_property
+import math
 from types import SimpleNamespace
 
 import cv2
@@ -18,7 +19,11 @@ from ..compiled import BANDS
 from .gains import channel_gains, noise_weight
 from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
+from .raw_faults import (
+    chroma_is_subsampled, has_hot_pixels, LUMA, without_hot_pixels)
 from .view_kernels import box_sums, channel_levels, sample_colors
+
+ROOT12 = F4(math.sqrt(12.0))
 
 
 class Views:
@@ -31,6 +36,7 @@ class Views:
     grid : HalfGrid
     settings : Settings
     tuning : ViewTuning
+    raw : RawTuning
     rectified_input : bool
         The images arrive rectified already.
     arena : Arena
@@ -43,12 +49,14 @@ class Views:
         Variance of the point spread that all nodes share, px^2; 0 switches foreshortening off.
     noise_weight : numpy.float32
         Of the pair in force, see `gains.noise_weight`.
+    compressed : bool
+        The chroma of the pair in force is subsampled.
 
     """
 
-    def __init__(self, calibration, grid, settings, tuning, rectified_input, arena):
+    def __init__(self, calibration, grid, settings, tuning, raw, rectified_input, arena):
         """Build the maps of both cameras and make their point spreads alike."""
-        self.grid, self.settings, self.tuning = grid, settings, tuning
+        self.grid, self.settings, self.tuning, self.raw = grid, settings, tuning, raw
         rows, columns = grid.nodes
         self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input,
                          tuning, arena)
@@ -63,6 +71,7 @@ class Views:
         foreshortened = settings.matching.foreshortening and tuning.foreshortening
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
+        self.compressed = False
 
     def load(self, left, right):
         """
@@ -75,10 +84,15 @@ class Views:
 
         """
         color = self.settings.color
+        left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
+                       else image for image in (left, right))
         levels = [self.left.load(left, color), self.right.load(right, color)]
         gains = channel_gains(levels, color, self.tuning)
+        # chroma that is subsampled in one view alone would make the views unlike
+        self.compressed = all(chroma_is_subsampled(image, self.raw) for image in (left, right))
+        surroundings = self.raw.luma_surroundings if self.compressed else 0.0
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
-            view.fill(dark, gain, color)
+            view.fill(dark, gain, color, surroundings)
         averaged = (1 + 2 * self.tuning.averaging_radius) ** 2
         self.noise_weight = F4(noise_weight(left, self.tuning) / averaged)
         return self
@@ -153,11 +167,19 @@ class View:
                        mean)
         return dark, mean
 
-    def fill(self, dark, gain, color):
+    def fill(self, dark, gain, color, luma_surroundings=0.0):
         """
         Rectify the image into chromaticity, brightness and variance.
 
-        dark: as `load` returns it; gain: float32 (3,) of the channels.
+        Parameters
+        ----------
+        dark : numpy.ndarray, float32, shape (3,)
+            As `load` returns it.
+        gain : numpy.ndarray, float32, shape (3,)
+            Of the channels.
+        color : ColorSettings
+        luma_surroundings : float
+            See `sharpen_by_luma`, px; 0: chroma is as sharp as luma.
 
         """
         box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
@@ -165,10 +187,40 @@ class View:
                       dark, gain, F4(self.tuning.softening), F4(color.saturation_level - 1),
                       self.noise, self.widening, self.ring, self.u, self.v, self.s, self.peak,
                       self.variance)
+        if luma_surroundings:
+            self.sharpen_by_luma(gain, luma_surroundings)
         if self.tuning.averaging_radius:
             self.average()
         if self.tuning.print_gain:
             self.add_print()
+
+    def sharpen_by_luma(self, gain, surroundings):
+        """
+        Take one direction of the chromaticity from luma, which compression keeps best.
+
+        Luma over brightness is a linear function of chromaticity. The brightness of a compressed
+        image holds the errors of its chroma; its mean over the surroundings (standard deviation,
+        px) does not. The chromaticity across this direction stays.
+
+        """
+        weight = LUMA / gain
+        along_u = (2 * weight[0] - weight[1] - weight[2]) / 6
+        along_v = (weight[1] - weight[2]) / ROOT12
+        length = np.hypot(along_u, along_v)
+        along_u, along_v, offset = along_u / length, along_v / length, weight.sum() / 3 / length
+        luma = self.s * (offset + along_u * self.u + along_v * self.v)
+        size = surroundings / 2 * self.columns_per_node, surroundings / 2
+        mean = cv2.GaussianBlur(self.s, (0, 0), sigmaX=size[0], sigmaY=size[1])
+        own = luma / np.maximum(mean / self.inside_around(size), F4(1)) - offset
+        across = along_u * self.v - along_v * self.u
+        lit = self.s > 0
+        self.u[lit] = (along_u * own - along_v * across)[lit]
+        self.v[lit] = (along_v * own + along_u * across)[lit]
+
+    def inside_around(self, size):
+        """Return the share of the surroundings that lies inside the raw image, above 0."""
+        share = cv2.GaussianBlur(self.inside.astype(F4), (0, 0), sigmaX=size[0], sigmaY=size[1])
+        return np.maximum(share, F4(self.tuning.least_inside_share))
 
     def average(self):
         """Average the chromaticities of slow colors over the nodes around each one."""
