@@ -4,10 +4,11 @@
 import cv2
 import numpy as np
 
-from .grid_kernels import F4, PAD
+from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .unlike import GAUGES, LINEAR, polynomial, QUADRATIC, Regression, sampled, Unlikeness
 
 ROOT3 = F4(np.sqrt(3.0))
+LEAST_COVARIANCE = 1e-4
 
 
 class Evening:
@@ -61,6 +62,31 @@ class Evening:
             steps = self.tuning.next_steps
         return changed, size
 
+    def even_spread(self, views):
+        """
+        Give both views the same spread of colors where they differ widely, before any match.
+
+        Crosstalk in one camera takes most of the contrast of its colors; no search finds matches
+        then. Mean and covariance of the paler view become those of the other one.
+
+        """
+        if not self.color:
+            return
+        tuning = self.tuning
+        seen = [moments(view, tuning.spread_steps, columns) for view, columns in (
+            (views.left, np.s_[PAD:PAD + views.grid.nodes[1]]), (views.right, np.s_[:]))]
+        if None in seen:
+            return
+        (left_mean, left), (right_mean, right) = seen
+        matrix = transport(right, left)
+        sizes = np.linalg.eigvalsh(matrix)
+        if max(sizes.max(), 1 / sizes.min()) < tuning.least_spread:
+            return
+        if np.prod(sizes) > 1:
+            respread(views.right, matrix, right_mean, left_mean)
+        else:
+            respread(views.left, np.linalg.inv(matrix), left_mean, right_mean)
+
     def measure(self, views, planes, steps):
         """Return the Unlikeness of the views, None where the matches are too few or too bad."""
         tuning = self.tuning
@@ -104,6 +130,45 @@ class Evening:
                views.right.raw_rows[samples.rows, np.rint(samples.place).astype(np.int32)])
         bins = [view.box.shape[0] // tuning.band_rows + 1 for view in (views.left, views.right)]
         return fit.bands(raw, tuning.band_rows, bins)
+
+
+def moments(view, steps, columns):
+    """Return mean (2,) and covariance (2, 2) of the chromaticities of some nodes, or None."""
+    step_y, step_x = steps
+    area = np.s_[PAD:-PAD:step_y], np.s_[columns.start:columns.stop:step_x]
+    informed = view.variance[area] < SILENT_VARIANCE
+    colors = np.stack([view.u[area][informed], view.v[area][informed]])
+    if colors.shape[1] < 16:
+        return None
+    mean = colors.mean(axis=1)
+    rest = colors - mean[:, None]
+    covariance = np.einsum('ik,jk->ij', rest, rest).astype(np.float64) / colors.shape[1]
+    return mean, covariance + LEAST_COVARIANCE * np.eye(2)
+
+
+def transport(source, target):
+    """Return the symmetric matrix that gives colors of one covariance another one, (2, 2)."""
+    root = symmetric_root(source)
+    inverse = np.linalg.inv(root)
+    return inverse @ symmetric_root(root @ target @ root) @ inverse
+
+
+def symmetric_root(matrix):
+    """Return the root of a symmetric positive matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    return (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
+
+
+def respread(view, matrix, old_mean, new_mean):
+    """Change mean and spread of the chromaticities of a view in place; their noise grows, too."""
+    matrix = matrix.astype(F4)
+    u, v = view.u - F4(old_mean[0]), view.v - F4(old_mean[1])
+    lit = view.s > 0
+    view.u[lit] = (matrix[0, 0] * u + matrix[0, 1] * v + F4(new_mean[0]))[lit]
+    view.v[lit] = (matrix[1, 0] * u + matrix[1, 1] * v + F4(new_mean[1]))[lit]
+    informed = view.variance < SILENT_VARIANCE
+    grown = view.variance[informed] * F4(np.linalg.det(matrix))
+    view.variance[informed] = np.minimum(grown, F4(0.99 * SILENT_VARIANCE))
 
 
 def over(fit, coefficients, terms):

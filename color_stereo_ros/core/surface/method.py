@@ -101,6 +101,8 @@ class SurfaceMethod:
 
         """
         views = self.views.load(left, right)
+        if self.evening.on:
+            self.evening.even_spread(views)
         clock.lap('colors', views)
         seeds = self.coarse.search(views)
         clock.lap('coarse', seeds)

@@ -60,8 +60,11 @@ class RawTuning(Constants):
         chosen('Sensor images stay within .02, whatever their mosaic and blur. JPEG 4:2:0 of '
                'quality 30 to 95: .6 to 1.7; YUV 4:2:2: .25.'))
     luma_surroundings: float = constant(
-        4.0, 'px', 'Standard deviation of the surroundings whose brightness luma is divided by.',
-        chosen('JPEG 60, nut: density .80 -> .88; 2 px: .87, 8 px: .85. Printed: .63 -> .95.'))
+        2.5, 'px', 'Standard deviation of the surroundings whose brightness luma is divided by.',
+        chosen('JPEG 60, nut: density .80 -> .89; 2 px: .88, 8 px: .85. Printed: .63 -> .94.'))
+    chroma_smoothing: float = constant(
+        2.0, 'px', 'Standard deviation of the average of what luma does not tell.',
+        chosen('JPEG 60: nut .891 -> .904, printed .939 -> .954, casting .848 -> .868.'))
     noise_correlation: float = constant(
         2.0, '1', 'Factor of the variance of planes for errors that neighbors share in compressed '
         'images.', chosen('z68 of JPEG 60: 1.6 -> 1.1.'))
@@ -114,6 +117,26 @@ class ViewTuning(Constants):
         200, 'pixels', 'One of so many pixels may be darker than the estimated dark level.',
         unexplained('Half a percent, so that no single pixel decides (df75737).'),
         compiled=True)
+    dark_needs_black: bool = constant(
+        False, '1', 'The dark level is estimated only where all channels are dark.',
+        derived('Under hue_field one channel is dark everywhere.'))
+    usual_dark_level: float = constant(
+        3.0, 'DN', 'Largest dark level that is assumed where nothing dark is seen.',
+        chosen('Cameras are built so that black is just above 0.'))
+    balance_blocks: tuple = constant(
+        (0, 0), '1', 'Columns and rows of the blocks whose color balance is compared; 0: means of '
+        'the images suffice.', derived('Every part of an aperiodic pattern holds all hues.'))
+    least_block: float = constant(
+        12.0, 'DN', 'Sum of the channels from which the balance of a block counts.',
+        derived('As `coarse.full_trust`.'))
+    least_blocks: int = constant(
+        12, '1', 'Blocks below which nothing is said.', chosen('A scatter needs some.'))
+    sure_blocks: float = constant(
+        4.0, '1', 'Standard errors of the balance from which cameras differ.',
+        chosen('Both images show mostly the same: their difference scatters less than that.'))
+    block_difference: float = constant(
+        0.04, '1', 'Smallest difference of the log balance for gains of their own.',
+        chosen('Red x .9 (.1) is enough to lose .04 of the density under 16 sines.'))
     sample_step: int = constant(
         16, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
         unexplained('1200 pixels are left at 640 x 480 (9662ae5).'))
@@ -292,6 +315,12 @@ class UnlikeTuning(Constants):
     band_steps: tuple = constant(
         (2, 4), 'nodes', 'The same where the gains of rows are measured.',
         derived('Every bin of rows holds samples.'))
+    spread_steps: tuple = constant(
+        (8, 8), 'nodes', 'Rows and columns between the nodes whose colors are compared before any '
+        'match.', chosen('2400 nodes of the right view at 640 x 480.'))
+    least_spread: float = constant(
+        1.5, '1', 'Ratio of the spread of the colors of both views from which it is evened out.',
+        chosen('Other contents change it by a fifth at most.'))
     least_samples: int = constant(
         200, 'nodes', 'Matched nodes below which nothing is measured.',
         chosen('Twelve nodes per coefficient.'))
@@ -630,7 +659,11 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
     'coarse.smoothness': Change(2.0, unexplained(
         'Neighbors tell repetitions apart (e4ddeb0).')),
     'views.same_camera_balance': Change(math.inf, derived(
-        'Both cameras may see different parts of the pattern: they always share their gains.')),
+        'Both cameras may see different parts of the pattern: the blocks decide.')),
+    'views.balance_blocks': Change((12, 9), chosen(
+        'A block of 53 px holds whole cycles of most patterns.')),
+    'views.dark_needs_black': Change(True, derived(
+        'Channels that are never dark would lose a part of their light.')),
 }
 COUNTED = {  # under several cycles of a known number
     'coarse.texture': Change(4.0, chosen(

@@ -87,12 +87,11 @@ class Views:
         left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
                        else image for image in (left, right))
         levels = [self.left.load(left, color), self.right.load(right, color)]
-        gains = channel_gains(levels, color, self.tuning)
+        gains = channel_gains(levels, color, self.tuning, (left, right))
         # chroma that is subsampled in one view alone would make the views unlike
         self.compressed = all(chroma_is_subsampled(image, self.raw) for image in (left, right))
-        surroundings = self.raw.luma_surroundings if self.compressed else 0.0
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
-            view.fill(dark, gain, color, surroundings)
+            view.fill(dark, gain, color, self.raw if self.compressed else None)
         averaged = (1 + 2 * self.tuning.averaging_radius) ** 2
         self.noise_weight = F4(noise_weight(left, self.tuning) / averaged)
         return self
@@ -165,9 +164,16 @@ class View:
         dark, mean = np.empty((2, 3), F4)
         channel_levels(self.pixels, step, F4(color.dark_level), tuning.largest_dark_level, dark,
                        mean)
+        if tuning.dark_needs_black and color.dark_level < 0:
+            darkest = self.pixels[step // 2::step, step // 2::step, :3].max(axis=2).ravel()
+            at = darkest.size // tuning.dark_level_rank
+            if np.partition(darkest, at)[at] > tuning.largest_dark_level:
+                usual = min(dark.min(), F4(tuning.usual_dark_level))
+                mean += dark - usual  # no sample is darker than the old level
+                dark[:] = usual
         return dark, mean
 
-    def fill(self, dark, gain, color, luma_surroundings=0.0):
+    def fill(self, dark, gain, color, raw=None):
         """
         Rectify the image into chromaticity, brightness and variance.
 
@@ -178,8 +184,8 @@ class View:
         gain : numpy.ndarray, float32, shape (3,)
             Of the channels.
         color : ColorSettings
-        luma_surroundings : float
-            See `sharpen_by_luma`, px; 0: chroma is as sharp as luma.
+        raw : RawTuning, optional
+            Of a compressed image, whose luma is sharper than its chroma.
 
         """
         box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
@@ -187,20 +193,26 @@ class View:
                       dark, gain, F4(self.tuning.softening), F4(color.saturation_level - 1),
                       self.noise, self.widening, self.ring, self.u, self.v, self.s, self.peak,
                       self.variance)
-        if luma_surroundings:
-            self.sharpen_by_luma(gain, luma_surroundings)
+        if raw is not None:
+            self.sharpen_by_luma(gain, raw)
         if self.tuning.averaging_radius:
             self.average()
         if self.tuning.print_gain:
             self.add_print()
 
-    def sharpen_by_luma(self, gain, surroundings):
+    def sharpen_by_luma(self, gain, raw):
         """
         Take one direction of the chromaticity from luma, which compression keeps best.
 
         Luma over brightness is a linear function of chromaticity. The brightness of a compressed
-        image holds the errors of its chroma; its mean over the surroundings (standard deviation,
-        px) does not. The chromaticity across this direction stays.
+        image holds the errors of its chroma; its mean over the surroundings does not. The
+        chromaticity across this direction is averaged: compression has left no detail in it.
+
+        Parameters
+        ----------
+        gain : numpy.ndarray, float32, shape (3,)
+            Of the channels.
+        raw : RawTuning
 
         """
         weight = LUMA / gain
@@ -208,19 +220,27 @@ class View:
         along_v = (weight[1] - weight[2]) / ROOT12
         length = np.hypot(along_u, along_v)
         along_u, along_v, offset = along_u / length, along_v / length, weight.sum() / 3 / length
-        luma = self.s * (offset + along_u * self.u + along_v * self.v)
-        size = surroundings / 2 * self.columns_per_node, surroundings / 2
-        mean = cv2.GaussianBlur(self.s, (0, 0), sigmaX=size[0], sigmaY=size[1])
-        own = luma / np.maximum(mean / self.inside_around(size), F4(1)) - offset
-        across = along_u * self.v - along_v * self.u
         lit = self.s > 0
+        luma = self.s * (offset + along_u * self.u + along_v * self.v)
+        own = luma / self.mean_inside(self.s, raw.luma_surroundings) - offset
+        across = self.s * (along_u * self.v - along_v * self.u)
+        across = (self.mean_inside(across, raw.chroma_smoothing, F4(0))
+                  / self.mean_inside(self.s, raw.chroma_smoothing))
         self.u[lit] = (along_u * own - along_v * across)[lit]
         self.v[lit] = (along_v * own + along_u * across)[lit]
 
-    def inside_around(self, size):
-        """Return the share of the surroundings that lies inside the raw image, above 0."""
-        share = cv2.GaussianBlur(self.inside.astype(F4), (0, 0), sigmaX=size[0], sigmaY=size[1])
-        return np.maximum(share, F4(self.tuning.least_inside_share))
+    def mean_inside(self, plane, deviation, least=F4(1)):
+        """
+        Return a Gaussian mean of a plane over what lies inside the raw image.
+
+        deviation: px; least: at least that, where it is above 0.
+
+        """
+        size = {'sigmaX': deviation / 2 * self.columns_per_node, 'sigmaY': deviation / 2}
+        share = cv2.GaussianBlur(self.inside.astype(F4), (0, 0), **size)
+        mean = cv2.GaussianBlur(plane, (0, 0), **size) / np.maximum(
+            share, F4(self.tuning.least_inside_share))
+        return np.maximum(mean, least) if least else mean
 
     def average(self):
         """Average the chromaticities of slow colors over the nodes around each one."""
