@@ -104,17 +104,18 @@ class Evening:
         gains = over(fit, gain, QUADRATIC)
         amount = np.abs(blurs).mean(axis=1).max()
         blurred = amount > tuning.least_blur and fit.certain('blur') > tuning.certain
-        strength = max(np.abs(gains).mean(axis=1).max() / tuning.least_gain,
-                       abs(gamma) / tuning.least_gamma, np.abs(matrix).max() / tuning.least_matrix)
-        recolored = strength > 1 and max(
-            fit.certain(name) for name in ('gain', 'gamma', 'matrix')) > tuning.certain
+        strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
+        least = tuning.least_gain, tuning.least_gamma, tuning.least_matrix
+        recolored = any(each > limit and fit.certain(name) > tuning.certain for each, limit, name
+                        in zip(strength, least, ('gain', 'gamma', 'matrix')))
         bands = ()
         if self.color:
             spread, ratio = fit.row_spread()
             if spread > tuning.least_band and ratio > tuning.certain_band:
                 bands = self.bands(views, planes, blurred, recolored)
         size = max(amount / tuning.large_blur if blurred else 0,
-                   strength * tuning.small_share if recolored else 0,
+                   max(strength[0] / tuning.large_gain, max(strength[1:]) / tuning.large_mix)
+                   if recolored else 0,
                    1.0 if bands else 0)
         shift = float(np.median(2 * (samples.columns - PAD) - samples.place))
         return Unlikeness(blur if blurred else np.zeros_like(blur), gain, gamma, matrix,

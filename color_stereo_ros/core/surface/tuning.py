@@ -135,8 +135,8 @@ class ViewTuning(Constants):
         4.0, '1', 'Standard errors of the balance from which cameras differ.',
         chosen('Both images show mostly the same: their difference scatters less than that.'))
     block_difference: float = constant(
-        0.04, '1', 'Smallest difference of the log balance for gains of their own.',
-        chosen('Red x .9 (.1) is enough to lose .04 of the density under 16 sines.'))
+        0.08, '1', 'Smallest difference of the log balance for gains of their own.',
+        chosen('Other contents explain .04. Smaller ones are found from matches.'))
     sample_step: int = constant(
         16, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
         unexplained('1200 pixels are left at 640 x 480 (9662ae5).'))
@@ -370,16 +370,20 @@ class UnlikeTuning(Constants):
         0.05, 'px^2', 'Smallest blur that is worth the time.',
         derived('Far below the 3/4 px^2 that every pixel has.'))
     least_gain: float = constant(
-        0.03, '1', 'Mean log gain below which the colors are left as they are.',
-        chosen('Clean pairs stay below .02.'))
+        0.01, '1', 'Mean log gain below which the colors are left as they are.',
+        chosen('16 sines: a gain of .025 that stays makes a median error of .1 px, without it '
+               '.006 px.'))
+    large_gain: float = constant(
+        0.15, '1', 'Mean log gain from which the search is repeated.',
+        chosen('The search bears less without loss.'))
+    large_mix: float = constant(
+        0.4, '1', 'The same of the exponent and of the matrix.',
+        chosen('Crosstalk of .1 and less costs the search nothing.'))
     least_gamma: float = constant(
         0.1, '1', 'The same of the exponent.', chosen('Clean pairs stay below .05.'))
     least_matrix: float = constant(
         0.1, '1', 'The same of the matrix, which `pair_model.color_matrix` measures, too.',
         chosen('Clean pairs stay below .05.'))
-    small_share: float = constant(
-        0.2, '1', 'Share of the differences that count as large.',
-        derived('Five times the least difference costs the search matches.'))
     least_band: float = constant(
         0.02, '1', 'Log gain of rows (standard deviation) that counts as color bands.',
         chosen('Clean pairs stay below .01.'))
