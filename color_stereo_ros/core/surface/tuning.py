@@ -361,18 +361,18 @@ class UnlikeTuning(Constants):
         6.0, '1', 'Standard deviations from which a difference is significant.',
         chosen('Clean pairs stay at 7 for differences that do not matter.'))
     least_blur: float = constant(
-        0.3, 'px^2', 'Mean unequal blur below which the views are left as they are.',
-        chosen('Clean pairs stay below .1 px^2.'))
+        0.5, 'px^2', 'Mean unequal blur below which the views are left as they are.',
+        chosen('Clean pairs stay below .3 px^2. Less costs nothing.'))
     large_blur: float = constant(
-        1.5, 'px^2', 'Unequal blur from which the search is repeated.',
-        chosen('A sigma of 1 px costs the search nothing.'))
+        3.0, 'px^2', 'Unequal blur from which the search is repeated.',
+        chosen('A sigma of 1.5 px costs the search nothing.'))
     least_variance: float = constant(
         0.05, 'px^2', 'Smallest blur that is worth the time.',
         derived('Far below the 3/4 px^2 that every pixel has.'))
     least_gain: float = constant(
-        0.01, '1', 'Mean log gain below which the colors are left as they are.',
-        chosen('16 sines: a gain of .025 that stays makes a median error of .1 px, without it '
-               '.006 px.'))
+        0.12, '1', 'Mean log gain below which the colors are left as they are.',
+        chosen('Aperiodic colors in two dimensions are nearly immune, and `color_matrix` removes '
+               'constant gains.'))
     large_gain: float = constant(
         0.15, '1', 'Mean log gain from which the search is repeated.',
         chosen('The search bears less without loss.'))
@@ -666,6 +666,8 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
         'Both cameras may see different parts of the pattern: the blocks decide.')),
     'views.balance_blocks': Change((12, 9), chosen(
         'A block of 53 px holds whole cycles of most patterns.')),
+    'unlike.least_gain': Change(0.01, chosen(
+        '16 sines: a gain of .025 that stays makes a median error of .1 px, without it .006 px.')),
     'views.dark_needs_black': Change(True, derived(
         'Channels that are never dark would lose a part of their light.')),
 }

@@ -16,7 +16,9 @@ import cv2
 import numpy as np
 
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
+from .tuning import TUNING
 
+LEAST_FORESHORTENING = F4(TUNING.pair.least_foreshortening)
 ROOT3 = np.sqrt(3.0)
 GAUGES = np.array([[2.0, -1.0, -1.0], [0.0, 1.0, -1.0]]) / np.sqrt([[6.0], [2.0]])
 """Two log gains of (r, g, b) that chromaticities can tell; the third is brightness."""
@@ -88,7 +90,20 @@ def sampled(views, planes, step_y, step_x):
     found = [compared(each_left, each_right.ravel(), y, x, at, weights, width)
              for each_left, each_right in ((left.u, right.u), (left.v, right.v))]
     error, color, slope, bend_x, bend_y = (np.stack(each) for each in zip(*found))
+    if views.psf > 0:
+        error += F4(0.5) * foreshortened(planes.a[y, x], planes.b[y, x], views.psf) * bend_x
     return Samples(y, x, place, error, color, slope, np.stack([bend_x, bend_y]))
+
+
+def foreshortened(a, b, psf):
+    """
+    Return by how much the right view of planes is wider along the rows than the left one, px^2.
+
+    a, b: slopes, px per node; psf: variance of the point spread, px^2. See `linearize`.
+
+    """
+    width = np.maximum(1 - a / 2, LEAST_FORESHORTENING)
+    return psf * ((1 + b * b / 4) / width ** 2 - 1)
 
 
 def cubic(t):
@@ -199,7 +214,7 @@ class Regression:
             for axis in range(2):
                 for k, factor in enumerate(polynomial(self.x, self.y, LINEAR)):
                     names.append(('blur', axis, k))
-                    terms.append(samples.bends[axis] * factor)
+                    terms.append(0.5 * samples.bends[axis] * factor)
                     prior.append(tuning.blur_prior)
         if color:
             for gauge in range(2):
