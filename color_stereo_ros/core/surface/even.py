@@ -8,7 +8,9 @@ from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .unlike import GAUGES, LINEAR, polynomial, QUADRATIC, Regression, sampled, Unlikeness
 
 ROOT3 = F4(np.sqrt(3.0))
-LEAST_COVARIANCE = 1e-4
+LEAST_COVARIANCE = 1e-5
+FULL_CELL = 0.9
+LEAST_CELLS = 64
 
 
 class Evening:
@@ -55,7 +57,7 @@ class Evening:
         steps = self.tuning.first_steps
         for _ in range(self.tuning.repeats):
             found = self.measure(views, planes, steps)
-            if found is None or not (found.blurred or found.recolored):
+            if found is None:
                 break
             apply(found, views, self.softening, self.tuning)
             changed, size = True, max(size, found.size)
@@ -73,8 +75,8 @@ class Evening:
         if not self.color:
             return
         tuning = self.tuning
-        seen = [moments(view, tuning.spread_steps, columns) for view, columns in (
-            (views.left, np.s_[PAD:PAD + views.grid.nodes[1]]), (views.right, np.s_[:]))]
+        seen = [moments(view, tuning.spread_cell, slice(*columns)) for view, columns in (
+            (views.left, (PAD, PAD + views.grid.nodes[1])), (views.right, (0, views.grid.width)))]
         if None in seen:
             return
         (left_mean, left), (right_mean, right) = seen
@@ -88,58 +90,77 @@ class Evening:
             respread(views.left, np.linalg.inv(matrix), left_mean, right_mean)
 
     def measure(self, views, planes, steps):
-        """Return the Unlikeness of the views, None where the matches are too few or too bad."""
+        """Return the Unlikeness of the views, None where none shows or matches are too bad."""
         tuning = self.tuning
         samples = sampled(views, planes, *steps)
         if samples.count < tuning.least_samples:
             return None
-        fit = Regression(samples, views, tuning, self.blur, self.color)
+        first = steps == tuning.first_steps
+        fit = Regression(samples, views, tuning, self.blur, self.color,
+                         tuning.first_turns if first else tuning.turns)
         if fit.explained < tuning.least_explained:
             return None
         blur = np.stack([fit.value('blur', axis, LINEAR) for axis in range(2)])
         gain = np.stack([fit.value('gain', gauge, QUADRATIC) for gauge in range(2)])
         matrix = np.stack([fit.value('matrix', row, 2) for row in range(2)])
         gamma = float(fit.value('gamma', 0, 1)[0])
-        blurs = over(fit, blur, LINEAR)
-        gains = over(fit, gain, QUADRATIC)
+        blurs, gains = over(fit, blur, LINEAR), over(fit, gain, QUADRATIC)
         amount = np.abs(blurs).mean(axis=1).max()
         blurred = amount > tuning.least_blur and fit.certain('blur') > tuning.certain
         strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
         least = tuning.least_gain, tuning.least_gamma, tuning.least_matrix
         recolored = any(each > limit and fit.certain(name) > tuning.certain for each, limit, name
                         in zip(strength, least, ('gain', 'gamma', 'matrix')))
-        bands = ()
+        banded = False
         if self.color:
             spread, ratio = fit.row_spread()
-            if spread > tuning.least_band and ratio > tuning.certain_band:
-                bands = self.bands(views, planes, blurred, recolored)
+            banded = spread > tuning.least_band and ratio > tuning.certain_band
+        if not (blurred or recolored or banded):
+            return None
+        if first:  # something differs: look closely
+            return self.measure(views, planes, tuning.next_steps)
+        if blurred:
+            # a loss of contrast looks like blur, and the other way round
+            gamma, matrix, strength = 0.0, np.zeros_like(matrix), (strength[0], 0.0, 0.0)
+        bands = self.bands(views, planes) if banded else ()
         size = max(amount / tuning.large_blur if blurred else 0,
                    max(strength[0] / tuning.large_gain, max(strength[1:]) / tuning.large_mix)
                    if recolored else 0,
                    1.0 if bands else 0)
         shift = float(np.median(2 * (samples.columns - PAD) - samples.place))
+        blur, blurs = F4(tuning.blur_step) * blur, F4(tuning.blur_step) * blurs
         return Unlikeness(blur if blurred else np.zeros_like(blur), gain, gamma, matrix,
                           limits(blurs), limits(gains), bands, shift, blurred,
-                          recolored or bool(bands), size)
+                          recolored or banded, size)
 
-    def bands(self, views, planes, blurred, recolored):
+    def bands(self, views, planes):
         """Return the gains of rows, from more samples, see `Unlikeness.bands`."""
         tuning = self.tuning
         samples = sampled(views, planes, *tuning.band_steps)
-        fit = Regression(samples, views, tuning, self.blur, self.color)
+        fit = Regression(samples, views, tuning, self.blur, self.color, tuning.turns)
         raw = (views.left.raw_rows[samples.rows, samples.columns],
                views.right.raw_rows[samples.rows, np.rint(samples.place).astype(np.int32)])
         bins = [view.box.shape[0] // tuning.band_rows + 1 for view in (views.left, views.right)]
         return fit.bands(raw, tuning.band_rows, bins)
 
 
-def moments(view, steps, columns):
-    """Return mean (2,) and covariance (2, 2) of the chromaticities of some nodes, or None."""
-    step_y, step_x = steps
-    area = np.s_[PAD:-PAD:step_y], np.s_[columns.start:columns.stop:step_x]
-    informed = view.variance[area] < SILENT_VARIANCE
-    colors = np.stack([view.u[area][informed], view.v[area][informed]])
-    if colors.shape[1] < 16:
+def moments(view, size, columns):
+    """
+    Return mean (2,) and covariance (2, 2) of the colors of cells, or None.
+
+    A cell averages size x size nodes of the half grid: blur does not change its color.
+
+    """
+    rows = slice(PAD, view.u.shape[0] - PAD)
+    shape = ((columns.stop - columns.start) // (size * view.columns_per_node),
+             (rows.stop - rows.start) // size)
+    if min(shape) < 1:
+        return None
+    informed, u, v = (cv2.resize(plane[rows, columns], shape, interpolation=cv2.INTER_AREA)
+                      for plane in ((view.variance < SILENT_VARIANCE).astype(F4), view.u, view.v))
+    full = informed > FULL_CELL
+    colors = np.stack([u[full], v[full]])
+    if colors.shape[1] < LEAST_CELLS:
         return None
     mean = colors.mean(axis=1)
     rest = colors - mean[:, None]
@@ -174,7 +195,7 @@ def respread(view, matrix, old_mean, new_mean):
 
 def over(fit, coefficients, terms):
     """Return polynomials at the samples of a fit, (K, N)."""
-    return coefficients @ np.stack(polynomial(fit.x, fit.y, terms))
+    return np.einsum('kt,tn->kn', coefficients, np.stack(polynomial(fit.x, fit.y, terms)))
 
 
 def limits(values):
@@ -194,7 +215,7 @@ def apply(unlikeness, views, softening, tuning):
         return
     gauged = polynomials(unlikeness.gain, QUADRATIC, unlikeness.gain_limits, views.right,
                          views.grid, 0.0)
-    log_gain = np.einsum('kc,kyx->cyx', GAUGES.astype(F4), gauged)
+    log_gain = np.einsum('kc,kyx->cyx', GAUGES, gauged)
     if unlikeness.bands:
         of_left, of_right = unlikeness.bands
         log_gain += between(of_right, views.right.raw_rows, tuning.band_rows)

@@ -120,6 +120,9 @@ class ViewTuning(Constants):
     dark_needs_black: bool = constant(
         False, '1', 'The dark level is estimated only where all channels are dark.',
         derived('Under hue_field one channel is dark everywhere.'))
+    dark_difference: float = constant(
+        2.5, 'DN', 'Difference of the dark levels of both views that is no chance.',
+        chosen('Clean pairs stay within 2 DN.'))
     usual_dark_level: float = constant(
         3.0, 'DN', 'Largest dark level that is assumed where nothing dark is seen.',
         chosen('Cameras are built so that black is just above 0.'))
@@ -315,9 +318,9 @@ class UnlikeTuning(Constants):
     band_steps: tuple = constant(
         (2, 4), 'nodes', 'The same where the gains of rows are measured.',
         derived('Every bin of rows holds samples.'))
-    spread_steps: tuple = constant(
-        (8, 8), 'nodes', 'Rows and columns between the nodes whose colors are compared before any '
-        'match.', chosen('2400 nodes of the right view at 640 x 480.'))
+    spread_cell: int = constant(
+        12, 'nodes', 'Size of the cells whose colors are compared before any match.',
+        chosen('24 px: a blur of sigma 3 px takes a tenth of their contrast.'))
     least_spread: float = constant(
         1.5, '1', 'Ratio of the spread of the colors of both views from which it is evened out.',
         chosen('Other contents change it by a fifth at most.'))
@@ -333,8 +336,12 @@ class UnlikeTuning(Constants):
     searches: int = constant(
         2, '1', 'Searches after the first one.',
         chosen('The first matches under a sigma of 3 px are rough; the second ones are not.'))
+    first_turns: int = constant(
+        2, '1', 'Turns of the robust regression in the first look.',
+        chosen('Enough to see that nothing differs.'))
     turns: int = constant(
-        2, '1', 'Turns of the robust regression.', chosen('Four: the same values within .02.'))
+        4, '1', 'The same in later looks.',
+        chosen('Fewer leave a part of the blur to the matrix.'))
     robust: float = constant(
         9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',
         derived('As `planes.robust_misfit`.'))
@@ -348,6 +355,10 @@ class UnlikeTuning(Constants):
     least_share: float = constant(
         0.01, '1', 'Smallest share of a channel.',
         derived('Keeps the logarithm of a dark channel finite.'))
+    blur_step: float = constant(
+        0.6, '1', 'Share of the measured blur that one look evens out.',
+        chosen('The first matches are rough, so that a whole step goes too far; both views are '
+               'blurred then. Sigma 3 px: density .865 with 1, .89 with .5.'))
     blur_prior: float = constant(
         9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
         derived('A sigma of 3 px is plausible.'))

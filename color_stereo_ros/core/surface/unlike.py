@@ -19,8 +19,8 @@ from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .tuning import TUNING
 
 LEAST_FORESHORTENING = F4(TUNING.pair.least_foreshortening)
-ROOT3 = np.sqrt(3.0)
-GAUGES = np.array([[2.0, -1.0, -1.0], [0.0, 1.0, -1.0]]) / np.sqrt([[6.0], [2.0]])
+ROOT3 = F4(np.sqrt(3.0))
+GAUGES = (np.array([[2.0, -1.0, -1.0], [0.0, 1.0, -1.0]]) / np.sqrt([[6.0], [2.0]])).astype(F4)
 """Two log gains of (r, g, b) that chromaticities can tell; the third is brightness."""
 REACH = 4      # columns of the right view beside a place that are read
 LINEAR, QUADRATIC = 3, 6  # terms of a polynomial over the image
@@ -188,23 +188,25 @@ class Regression:
     tuning : UnlikeTuning
     blur, color : bool
         What is asked.
+    turns : int
+        Of the robust regression.
 
     """
 
-    def __init__(self, samples, views, tuning, blur, color):
+    def __init__(self, samples, views, tuning, blur, color, turns):
         """Build the terms and solve."""
         self.samples, self.tuning, self.views = samples, tuning, views
         rows, columns = views.grid.nodes
         self.y = ((samples.rows - PAD) * F4(2 / rows) - F4(1)).astype(F4)
         self.x = (samples.place * F4(1 / columns) - F4(1)).astype(F4)
         self.share = np.clip(shares(samples.color), F4(tuning.least_share), 1)
-        self.gauged = [regained(self.share, gauge[:, None].astype(F4)) for gauge in GAUGES]
+        self.gauged = [regained(self.share, gauge[:, None]) for gauge in GAUGES]
         self.names, terms, self.prior = self.terms(blur, color)
         steep = np.sqrt((samples.slope ** 2).sum(axis=0)) + F4(1e-9)
         along = samples.slope / steep
         self.axes = along, np.stack([-along[1], along[0]])
-        self.place_variance = (tuning.place_std * steep) ** 2
-        self.solve(np.stack(terms))
+        self.place_variance = F4(tuning.place_std ** 2) * steep * steep
+        self.solve(np.stack(terms), turns)
 
     def terms(self, blur, color):
         """Return names, terms (2, N) and standard deviations of the prior."""
@@ -235,37 +237,41 @@ class Regression:
                     prior.append(tuning.gain_prior)
         return names, terms, np.array(prior)
 
-    def solve(self, terms):
+    def solve(self, terms, turns):
         """Fit by robust least squares; write beta, std, explained and what `bands` needs."""
         along, across = self.axes
         error = self.samples.error
-        parts = np.concatenate([(terms * along).sum(axis=1), (terms * across).sum(axis=1)], axis=1)
-        self.error = np.concatenate([(error * along).sum(axis=0), (error * across).sum(axis=0)])
-        rest, count = self.error, error.shape[1]
-        for _ in range(self.tuning.turns):
-            scale = max(np.median(np.abs(rest[count:])) / 0.6745, self.tuning.least_scale)
-            variance = np.concatenate([scale ** 2 + self.place_variance,
-                                       np.full(count, scale ** 2, F4)])
-            chi = rest ** 2 / variance
-            chi = chi[:count] + chi[count:]
-            robust = 1 / (1 + chi / self.tuning.robust)
-            weight = np.concatenate([robust, robust]) / variance
+        count = error.shape[1]
+        parts = np.concatenate([terms[:, 0] * along[0] + terms[:, 1] * along[1],
+                                terms[:, 0] * across[0] + terms[:, 1] * across[1]], axis=1)
+        self.error = np.concatenate([error[0] * along[0] + error[1] * along[1],
+                                     error[0] * across[0] + error[1] * across[1]])
+        rest = self.error
+        for _ in range(turns):
+            scale = max(F4(np.median(np.abs(rest[count:])) / F4(0.6745)),
+                        F4(self.tuning.least_scale))
+            inverse = np.concatenate([1 / (scale * scale + self.place_variance),
+                                      np.full(count, 1 / (scale * scale), F4)])
+            chi = rest * rest * inverse
+            robust = 1 / (1 + (chi[:count] + chi[count:]) * F4(1 / self.tuning.robust))
+            weight = np.concatenate([robust, robust]) * inverse
             weighted = parts * weight
             normal = np.einsum('ik,jk->ij', weighted, parts).astype(np.float64)
-            normal += np.diag(self.prior ** -2)
-            target = np.einsum('ik,k->i', weighted, self.error)
-            self.beta = np.linalg.solve(normal, target)
+            normal[np.diag_indices_from(normal)] += self.prior ** -2
+            covariance = np.linalg.inv(normal)
+            self.beta = covariance @ np.einsum('ik,k->i', weighted, self.error)
             rest = self.error - np.einsum('i,ik->k', self.beta.astype(F4), parts)
-        self.rest, self.weight, self.scale = rest, weight, scale
-        self.std = np.sqrt(np.diag(np.linalg.inv(normal)))
+        self.rest, self.weight = rest, weight
+        self.std = np.sqrt(np.diag(covariance))
         left = error + self.samples.color
-        spread = np.abs(left - np.median(left, axis=1, keepdims=True)).mean()
-        self.explained = 1 - scale / max(spread, 1e-6)
+        spread = np.abs(left - left.mean(axis=1, keepdims=True)).mean()
+        noise = np.median(np.abs(rest[count:])) / F4(0.6745)
+        self.explained = 1 - noise / max(spread, F4(1e-6))
 
     def value(self, name, first, terms):
         """Return the coefficients of a name, zeros where it was not asked."""
         found = dict(zip(self.names, self.beta))
-        return np.array([found.get((name, first, k), 0.0) for k in range(terms)])
+        return np.array([found.get((name, first, k), 0.0) for k in range(terms)], F4)
 
     def certain(self, name):
         """Return the largest ratio of a coefficient of a name to its standard deviation."""

@@ -87,6 +87,7 @@ class Views:
         left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
                        else image for image in (left, right))
         levels = [self.left.load(left, color), self.right.load(right, color)]
+        self.share_dark_levels(levels)
         gains = channel_gains(levels, color, self.tuning, (left, right))
         # chroma that is subsampled in one view alone would make the views unlike
         self.compressed = all(chroma_is_subsampled(image, self.raw) for image in (left, right))
@@ -95,6 +96,25 @@ class Views:
         averaged = (1 + 2 * self.tuning.averaging_radius) ** 2
         self.noise_weight = F4(noise_weight(left, self.tuning) / averaged)
         return self
+
+    def share_dark_levels(self, levels):
+        """
+        Lower the dark levels of a view that sees nothing dark to those of the other view.
+
+        levels: as `channel_gains` takes them; changed in place. Blur takes the darkest places
+        from a view: then light would be taken for the dark level.
+
+        """
+        for view, (dark, mean), (other, _) in ((self.left, levels[0], levels[1]),
+                                               (self.right, levels[1], levels[0])):
+            if not view.sees_black and (dark - other).max() > self.tuning.dark_difference:
+                brighten(dark, mean, np.minimum(dark, other))
+
+
+def brighten(dark, mean, level):
+    """Lower dark levels to a level; the means above them rise. No sample lies in between."""
+    mean += dark - level
+    dark[:] = level
 
 
 class View:
@@ -164,13 +184,13 @@ class View:
         dark, mean = np.empty((2, 3), F4)
         channel_levels(self.pixels, step, F4(color.dark_level), tuning.largest_dark_level, dark,
                        mean)
-        if tuning.dark_needs_black and color.dark_level < 0:
+        self.sees_black = True
+        if color.dark_level < 0:
             darkest = self.pixels[step // 2::step, step // 2::step, :3].max(axis=2).ravel()
             at = darkest.size // tuning.dark_level_rank
-            if np.partition(darkest, at)[at] > tuning.largest_dark_level:
-                usual = min(dark.min(), F4(tuning.usual_dark_level))
-                mean += dark - usual  # no sample is darker than the old level
-                dark[:] = usual
+            self.sees_black = np.partition(darkest, at)[at] <= tuning.largest_dark_level
+            if tuning.dark_needs_black and not self.sees_black:
+                brighten(dark, mean, min(dark.min(), F4(tuning.usual_dark_level)))
         return dark, mean
 
     def fill(self, dark, gain, color, raw=None):
