@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Makes the two views of a pair alike: the sharper one is blurred, colors are changed."""
 
+import math
+
 import cv2
 import numpy as np
 
@@ -8,9 +10,6 @@ from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .unlike import GAUGES, LINEAR, polynomial, QUADRATIC, Regression, sampled, Unlikeness
 
 ROOT3 = F4(np.sqrt(3.0))
-LEAST_COVARIANCE = 1e-5
-FULL_CELL = 0.9
-LEAST_CELLS = 64
 
 
 class Evening:
@@ -28,6 +27,7 @@ class Evening:
     """
 
     def __init__(self, matching, tuning):
+        """Decide what is asked."""
         self.tuning = tuning.unlike
         self.softening = F4(tuning.views.softening)
         self.blur = matching.blur_matching and tuning.unlike.blur
@@ -66,28 +66,33 @@ class Evening:
 
     def even_spread(self, views):
         """
-        Give both views the same spread of colors where they differ widely, before any match.
+        Give both views the same spread of colors where they differ widely, without any match.
 
         Crosstalk in one camera takes most of the contrast of its colors; no search finds matches
         then. Mean and covariance of the paler view become those of the other one.
 
+        Returns
+        -------
+        changed : bool
+
         """
         if not self.color:
-            return
+            return False
         tuning = self.tuning
-        seen = [moments(view, tuning.spread_cell, slice(*columns)) for view, columns in (
+        seen = [moments(view, tuning, slice(*columns)) for view, columns in (
             (views.left, (PAD, PAD + views.grid.nodes[1])), (views.right, (0, views.grid.width)))]
         if None in seen:
-            return
+            return False
         (left_mean, left), (right_mean, right) = seen
         matrix = transport(right, left)
         sizes = np.linalg.eigvalsh(matrix)
         if max(sizes.max(), 1 / sizes.min()) < tuning.least_spread:
-            return
+            return False
         if np.prod(sizes) > 1:
             respread(views.right, matrix, right_mean, left_mean)
         else:
             respread(views.left, np.linalg.inv(matrix), left_mean, right_mean)
+        return True
 
     def measure(self, views, planes, steps):
         """Return the Unlikeness of the views, None where none shows or matches are too bad."""
@@ -144,13 +149,14 @@ class Evening:
         return fit.bands(raw, tuning.band_rows, bins)
 
 
-def moments(view, size, columns):
+def moments(view, tuning, columns):
     """
     Return mean (2,) and covariance (2, 2) of the colors of cells, or None.
 
-    A cell averages size x size nodes of the half grid: blur does not change its color.
+    A cell averages nodes of the half grid, `spread_cell` in a row: blur hardly changes its color.
 
     """
+    size = tuning.spread_cell
     rows = slice(PAD, view.u.shape[0] - PAD)
     shape = ((columns.stop - columns.start) // (size * view.columns_per_node),
              (rows.stop - rows.start) // size)
@@ -158,14 +164,14 @@ def moments(view, size, columns):
         return None
     informed, u, v = (cv2.resize(plane[rows, columns], shape, interpolation=cv2.INTER_AREA)
                       for plane in ((view.variance < SILENT_VARIANCE).astype(F4), view.u, view.v))
-    full = informed > FULL_CELL
+    full = informed > tuning.full_cell
     colors = np.stack([u[full], v[full]])
-    if colors.shape[1] < LEAST_CELLS:
+    if colors.shape[1] < tuning.least_cells:
         return None
     mean = colors.mean(axis=1)
     rest = colors - mean[:, None]
     covariance = np.einsum('ik,jk->ij', rest, rest).astype(np.float64) / colors.shape[1]
-    return mean, covariance + LEAST_COVARIANCE * np.eye(2)
+    return mean, covariance + tuning.least_covariance * np.eye(2)
 
 
 def transport(source, target):
@@ -190,7 +196,7 @@ def respread(view, matrix, old_mean, new_mean):
     view.v[lit] = (matrix[1, 0] * u + matrix[1, 1] * v + F4(new_mean[1]))[lit]
     informed = view.variance < SILENT_VARIANCE
     grown = view.variance[informed] * F4(np.linalg.det(matrix))
-    view.variance[informed] = np.minimum(grown, F4(0.99 * SILENT_VARIANCE))
+    view.variance[informed] = np.minimum(grown, np.nextafter(SILENT_VARIANCE, F4(0)))
 
 
 def over(fit, coefficients, terms):
@@ -199,8 +205,8 @@ def over(fit, coefficients, terms):
 
 
 def limits(values):
-    """Return where most of values, (K, N), lie, (2, K)."""
-    return np.percentile(values, (2, 98), axis=1)
+    """Return the smallest and the largest of values, (K, N), (2, K)."""
+    return np.stack([values.min(axis=1), values.max(axis=1)])
 
 
 def apply(unlikeness, views, softening, tuning):
@@ -210,7 +216,7 @@ def apply(unlikeness, views, softening, tuning):
             variance = sign * polynomials(unlikeness.blur, LINEAR, unlikeness.blur_limits, view,
                                           views.grid, unlikeness.shift)
             if variance.max() > tuning.least_variance:
-                soften(view, np.maximum(variance, 0), softening)
+                soften(view, np.maximum(variance, 0), softening, tuning)
     if not unlikeness.recolored:
         return
     gauged = polynomials(unlikeness.gain, QUADRATIC, unlikeness.gain_limits, views.right,
@@ -220,8 +226,8 @@ def apply(unlikeness, views, softening, tuning):
         of_left, of_right = unlikeness.bands
         log_gain += between(of_right, views.right.raw_rows, tuning.band_rows)
         recolor(views.left, 0.0, -between(of_left, views.left.raw_rows, tuning.band_rows),
-                np.zeros((2, 2)))
-    recolor(views.right, unlikeness.gamma, log_gain, unlikeness.matrix)
+                np.zeros((2, 2)), tuning)
+    recolor(views.right, unlikeness.gamma, log_gain, unlikeness.matrix, tuning)
 
 
 def between(gains, raw_rows, size):
@@ -251,7 +257,7 @@ def polynomials(coefficients, terms, bounds, view, grid, shift):
     return np.clip(fields, low, high)
 
 
-def recolor(view, gamma, log_gain, matrix):
+def recolor(view, gamma, log_gain, matrix, tuning):
     """
     Change the chromaticities of a view in place.
 
@@ -263,9 +269,10 @@ def recolor(view, gamma, log_gain, matrix):
     log_gain : numpy.ndarray, float32, shape (3, h, w)
     matrix : numpy.ndarray, shape (2, 2)
         Added to the unit matrix; applied last.
+    tuning : UnlikeTuning
 
     """
-    least = F4(1e-3)
+    least = F4(tuning.least_share)
     red = np.maximum((view.u + 1) / 3, least)
     half, tilt = (1 - red) / 2, view.v / (2 * ROOT3)
     channels = [red, np.maximum(half + tilt, least), np.maximum(half - tilt, least)]
@@ -282,11 +289,18 @@ def recolor(view, gamma, log_gain, matrix):
     view.v[lit] = (map_v[0] * u + map_v[1] * v)[lit]
 
 
-def soften(view, variance, softening):
+def soften(view, variance, softening, tuning):
     """
     Blur a view in place, as a lens would blur its light.
 
-    variance, float32 (2, h, w): by how much along rows and along columns, px^2.
+    Parameters
+    ----------
+    view : View
+    variance : numpy.ndarray, float32, shape (2, h, w)
+        By how much along rows and along columns, px^2, 0 or more.
+    softening : numpy.float32
+        See `view_kernels.sample_colors`.
+    tuning : UnlikeTuning
 
     """
     weight = view.s + softening
@@ -294,40 +308,39 @@ def soften(view, variance, softening):
     light = cv2.merge([view.u * weight * inside, view.v * weight * inside, view.s * inside,
                        inside])
     step = 2 // view.columns_per_node
-    light = blurred(light, variance[0] / F4(step ** 2), 0)
-    light = blurred(light, variance[1] / F4(4), 1)
-    share = np.maximum(light[..., 3], F4(1e-3))
-    total = np.maximum(light[..., 2] + softening * share, F4(1e-6))
+    light = blurred(light, variance[0] / F4(step ** 2), 0, tuning)
+    light = blurred(light, variance[1] / F4(2 ** 2), 1, tuning)
+    share = np.maximum(light[..., 3], F4(tuning.least_inside))
+    total = light[..., 2] + softening * share
     lit = view.inside & (view.s > 0)
     view.u[lit] = (light[..., 0] / total)[lit]
     view.v[lit] = (light[..., 1] / total)[lit]
     view.s[lit] = (light[..., 2] / share)[lit]
 
 
-def blurred(light, variance, axis, levels=3):
-    """Blur along an axis, 0: rows, by variances (h, w), nodes^2; between few levels."""
+def blurred(light, variance, axis, tuning):
+    """Blur along an axis, 0: rows, by variances (h, w), nodes^2; between few levels of blur."""
     least, most = float(variance.min()), float(variance.max())
-    if most < 1e-3:
-        return light
-    if most - least < 0.15 * most + 0.02:
-        return gaussian(light, 0.5 * (most + least), axis)
+    levels = tuning.blur_levels
+    if most - least < tuning.even_blur * most:
+        return gaussian(light, (most + least) / 2, axis, tuning)
     out = np.zeros_like(light)
     stepped = (variance - F4(least)) * F4(levels / (most - least))
     for k, value in enumerate(np.linspace(least, most, levels + 1)):
         share = np.maximum(0, 1 - np.abs(stepped - F4(k)))
-        out += share[..., None] * gaussian(light, value, axis)
+        out += share[..., None] * gaussian(light, value, axis, tuning)
     return out
 
 
-def gaussian(light, variance, axis):
+def gaussian(light, variance, axis, tuning):
     """Blur along an axis, 0: rows, by a variance, nodes^2."""
-    if variance < 1e-3:
+    if variance <= 0:
         return light
-    reach = max(1, int(np.ceil(3.5 * np.sqrt(variance))))
+    reach = max(1, math.ceil(tuning.bell_reach * math.sqrt(variance)))
     at = np.arange(-reach, reach + 1)
-    if variance > 0.25:
+    if variance > tuning.least_bell:
         kernel = np.exp(-at ** 2 / (2 * variance))
-    else:  # a sampled bell would be too narrow
+    else:  # three taps: a sampled bell would be too narrow
         kernel = np.where(at == 0, 1 - variance, np.where(np.abs(at) == 1, variance / 2, 0))
     kernel, one = (kernel / kernel.sum()).astype(F4), np.ones(1, F4)
     return cv2.sepFilter2D(light, -1, *((kernel, one) if axis == 0 else (one, kernel)),

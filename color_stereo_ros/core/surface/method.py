@@ -101,8 +101,6 @@ class SurfaceMethod:
 
         """
         views = self.views.load(left, right)
-        if self.evening.on:
-            self.evening.even_spread(views)
         clock.lap('colors', views)
         seeds = self.coarse.search(views)
         clock.lap('coarse', seeds)
@@ -173,21 +171,34 @@ class SurfaceMethod:
             That of the changed views; this one where nothing has changed.
 
         """
-        neutral = PairModel.neutral(views)
-        for _ in range(self.tuning.unlike.searches + 1):
-            changed, size = self.evening.improve(views, planes)
-            if not changed:
-                break
-            if size >= 1:
-                planes.seed(self.coarse.search(views))
-                linearized = self.least_squares.linearize(views, planes, neutral, planes.tiles)
-                self.least_squares.fit(linearized, views, planes, neutral, planes.tiles, turn=0)
-            self.least_squares.linearize(views, planes, neutral, planes.tiles)
-            pair = neutral.measured(views, planes, self.match_colors, self.tuning)
-            if size < 1:
+        if pair.scale > self.tuning.unlike.quiet_scale:
+            if self.evening.even_spread(views):
+                pair = self.search_again(views, planes)
+            for _ in range(self.tuning.unlike.searches + 1):
+                changed, size = self.evening.improve(views, planes)
+                if not changed:
+                    break
+                if size >= 1:
+                    pair = self.search_again(views, planes)
+                    continue
+                pair = self.measured_anew(views, planes)
                 break
         clock.lap('even out', pair)
         return pair
+
+    def search_again(self, views, planes):
+        """Search and fit seeds in views that have changed; return the PairModel."""
+        neutral = PairModel.neutral(views)
+        planes.seed(self.coarse.search(views))
+        linearized = self.least_squares.linearize(views, planes, neutral, planes.tiles)
+        self.least_squares.fit(linearized, views, planes, neutral, planes.tiles, turn=0)
+        return self.measured_anew(views, planes)
+
+    def measured_anew(self, views, planes):
+        """Return the PairModel of views that have changed; the planes stay."""
+        neutral = PairModel.neutral(views)
+        self.least_squares.linearize(views, planes, neutral, planes.tiles)
+        return neutral.measured(views, planes, self.match_colors, self.tuning)
 
     def refine(self, turn, views, planes, pair, clock):
         """

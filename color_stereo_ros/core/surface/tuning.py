@@ -46,8 +46,8 @@ class RawTuning(Constants):
     """Compression and hot pixels."""
 
     rows: tuple = constant(
-        (8, 31), 'px', 'First row and distance of the rows that are looked at.',
-        derived('15 rows of an image of 480, even and odd ones.'))
+        (8, 61), 'px', 'First row and distance of the rows that are looked at.',
+        derived('8 rows of an image of 480, even and odd ones.'))
     least_columns: int = constant(
         64, 'px', 'Width of an image below which nothing is looked for.',
         chosen('Fewer samples show nothing.'))
@@ -309,6 +309,10 @@ class UnlikeTuning(Constants):
     color: bool = constant(
         True, '1', 'Measure unequal colors over the image (`matching.color_matching`).',
         derived('Steep colors tell color and place apart.'))
+    quiet_scale: float = constant(
+        0.35, '1', 'Scale of the noise (`PairModel.scale`) up to which nothing is looked for.',
+        chosen('Clean pairs have .2 to .3; a blur of sigma 2 px has 27, bands of +-20 % 1.2. Saves '
+               '.001 to .002 s.'))
     first_steps: tuple = constant(
         (16, 4), 'nodes', 'Rows and columns between the nodes of the first look.',
         chosen('1200 nodes are left at 640 x 480, .001 s.'))
@@ -321,6 +325,15 @@ class UnlikeTuning(Constants):
     spread_cell: int = constant(
         12, 'nodes', 'Size of the cells whose colors are compared before any match.',
         chosen('24 px: a blur of sigma 3 px takes a tenth of their contrast.'))
+    full_cell: float = constant(
+        0.9, '1', 'Share of informed nodes from which a cell counts.',
+        chosen('Nodes without information have no color.'))
+    least_cells: int = constant(
+        64, 'cells', 'Cells below which nothing is compared.',
+        chosen('Fewer do not show a spread.'))
+    least_covariance: float = constant(
+        1e-5, '1', 'Added to the variance of the colors of cells.',
+        derived('Images without color then differ by nothing.'))
     least_spread: float = constant(
         1.5, '1', 'Ratio of the spread of the colors of both views from which it is evened out.',
         chosen('Other contents change it by a fifth at most.'))
@@ -355,6 +368,23 @@ class UnlikeTuning(Constants):
     least_share: float = constant(
         0.01, '1', 'Smallest share of a channel.',
         derived('Keeps the logarithm of a dark channel finite.'))
+    least_slope: float = constant(
+        1e-9, '1 / px', 'Added to a slope that is divided by.', derived('Prevents division by 0.'))
+    least_inside: float = constant(
+        1e-3, '1', 'Smallest share of the surroundings inside the image that is divided by.',
+        derived('As `views.least_inside_share`.'))
+    blur_levels: int = constant(
+        3, '1', 'Blurred images between which blur over the image is interpolated, less one.',
+        chosen('A linear function of the place needs few.'))
+    even_blur: float = constant(
+        0.15, '1', 'Relative range of the blur below which it counts as even.',
+        chosen('Less does not show in the matches.'))
+    bell_reach: float = constant(
+        3.5, 'sigma', 'Reach of the bell that blurs.',
+        derived('Beyond it lies .0005 of the bell.'))
+    least_bell: float = constant(
+        0.25, 'nodes^2', 'Variance below which three taps take the place of a bell.',
+        derived('A sampled bell of less than half a node is too narrow.'))
     blur_step: float = constant(
         0.6, '1', 'Share of the measured blur that one look evens out.',
         chosen('The first matches are rough, so that a whole step goes too far; both views are '
@@ -407,6 +437,8 @@ class UnlikeTuning(Constants):
     band_rows: int = constant(
         4, 'px', 'Raw rows of a bin of color bands.',
         chosen('A band is some tens of rows high.'))
+    band_taps: int = constant(
+        7, 'bins', 'Length of the window over bins.', derived('Three standard deviations.'))
     band_smoothing: float = constant(
         1.0, 'bins', 'Standard deviation of the window over bins.',
         chosen('Every gain then has hundreds of samples.'))
@@ -677,6 +709,8 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
         'Both cameras may see different parts of the pattern: the blocks decide.')),
     'views.balance_blocks': Change((12, 9), chosen(
         'A block of 53 px holds whole cycles of most patterns.')),
+    'unlike.quiet_scale': Change(0.0, derived(
+        'Small gains do not show in the scale, but move colors in one dimension.')),
     'unlike.least_gain': Change(0.01, chosen(
         '16 sines: a gain of .025 that stays makes a median error of .1 px, without it .006 px.')),
     'views.dark_needs_black': Change(True, derived(

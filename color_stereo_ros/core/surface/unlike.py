@@ -22,8 +22,12 @@ LEAST_FORESHORTENING = F4(TUNING.pair.least_foreshortening)
 ROOT3 = F4(np.sqrt(3.0))
 GAUGES = (np.array([[2.0, -1.0, -1.0], [0.0, 1.0, -1.0]]) / np.sqrt([[6.0], [2.0]])).astype(F4)
 """Two log gains of (r, g, b) that chromaticities can tell; the third is brightness."""
-REACH = 4      # columns of the right view beside a place that are read
-LINEAR, QUADRATIC = 3, 6  # terms of a polynomial over the image
+REACH = 4
+"""Columns of the right view beside a place that are read."""
+LINEAR, QUADRATIC = 3, 6
+"""Terms of a polynomial over the image."""
+ROBUST_STD = F4(1.4826)
+"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,12 +201,12 @@ class Regression:
         """Build the terms and solve."""
         self.samples, self.tuning, self.views = samples, tuning, views
         rows, columns = views.grid.nodes
-        self.y = ((samples.rows - PAD) * F4(2 / rows) - F4(1)).astype(F4)
-        self.x = (samples.place * F4(1 / columns) - F4(1)).astype(F4)
+        self.y = ((samples.rows - PAD) * F4(2 / rows) - 1).astype(F4)
+        self.x = (samples.place * F4(1 / columns) - 1).astype(F4)
         self.share = np.clip(shares(samples.color), F4(tuning.least_share), 1)
         self.gauged = [regained(self.share, gauge[:, None]) for gauge in GAUGES]
         self.names, terms, self.prior = self.terms(blur, color)
-        steep = np.sqrt((samples.slope ** 2).sum(axis=0)) + F4(1e-9)
+        steep = np.sqrt((samples.slope ** 2).sum(axis=0)) + F4(tuning.least_slope)
         along = samples.slope / steep
         self.axes = along, np.stack([-along[1], along[0]])
         self.place_variance = F4(tuning.place_std ** 2) * steep * steep
@@ -248,7 +252,7 @@ class Regression:
                                      error[0] * across[0] + error[1] * across[1]])
         rest = self.error
         for _ in range(turns):
-            scale = max(F4(np.median(np.abs(rest[count:])) / F4(0.6745)),
+            scale = max(F4(np.median(np.abs(rest[count:]))) * ROBUST_STD,
                         F4(self.tuning.least_scale))
             inverse = np.concatenate([1 / (scale * scale + self.place_variance),
                                       np.full(count, 1 / (scale * scale), F4)])
@@ -265,8 +269,8 @@ class Regression:
         self.std = np.sqrt(np.diag(covariance))
         left = error + self.samples.color
         spread = np.abs(left - left.mean(axis=1, keepdims=True)).mean()
-        noise = np.median(np.abs(rest[count:])) / F4(0.6745)
-        self.explained = 1 - noise / max(spread, F4(1e-6))
+        noise = np.median(np.abs(rest[count:])) * ROBUST_STD
+        self.explained = 1 - noise / max(spread, F4(self.tuning.least_scale))
 
     def value(self, name, first, terms):
         """Return the coefficients of a name, zeros where it was not asked."""
@@ -313,8 +317,8 @@ class Regression:
         """Return the gains of the gauges of each bin, (count, 2), by least squares."""
         def sums(values):
             found = np.bincount(at, self.weight * values, count)
-            return cv2.GaussianBlur(found.reshape(-1, 1), (1, 0), 0.0 + 1e-6,
-                                    sigmaY=self.tuning.band_smoothing).ravel()
+            taps = cv2.getGaussianKernel(self.tuning.band_taps, self.tuning.band_smoothing)
+            return np.convolve(found, taps.ravel(), mode='same')
 
         prior = self.tuning.gain_prior ** -2
         n00, n11 = (sums(part * part) + prior for part in parts)
@@ -341,7 +345,7 @@ class Regression:
         for each in self.gauged:
             part = np.concatenate([(each * along).sum(axis=0), (each * across).sum(axis=0)])
             weight = np.bincount(row, self.weight * part * part)
-            gain = np.bincount(row, self.weight * part * self.rest) / np.maximum(weight, 1e-9)
+            gain = np.bincount(row, self.weight * part * self.rest) / np.maximum(weight, self.tuning.least_row_weight)
             sure = weight > self.tuning.least_row_weight
             squares += (gain[sure] ** 2 * weight[sure]).sum()
             sums += (gain[sure] ** 2 - 1 / weight[sure]).sum()

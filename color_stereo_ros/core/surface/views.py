@@ -23,7 +23,7 @@ from .raw_faults import (
     chroma_is_subsampled, has_hot_pixels, LUMA, without_hot_pixels)
 from .view_kernels import box_sums, channel_levels, sample_colors
 
-ROOT12 = F4(math.sqrt(12.0))
+ROOT12 = F4(2 * math.sqrt(3.0))
 
 
 class Views:
