@@ -37,7 +37,8 @@ ROUNDS = 6
 RANGE = {'range.min_depth': 0.33, 'range.max_depth': 0.8}
 """The scenes and some room, m."""
 SWITCHES = ('matching.slanted', 'matching.foreshortening', 'matching.propagation',
-            'matching.color_matching', 'matching.occlusion_test', 'color.equalize')
+            'matching.color_matching', 'matching.blur_matching', 'matching.occlusion_test',
+            'color.equalize')
 SURFACE = (
     {}, *({name: False} for name in SWITCHES), dict.fromkeys(SWITCHES, False),
     {'color.dark_level': 0.0}, {'color.dark_level': 8.5}, {'color.saturation_level': 120},

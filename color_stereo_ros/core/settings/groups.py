@@ -110,8 +110,12 @@ class MatchingSettings(Group):
         True, 'surface method: let nodes near depth edges try the planes of their neighbors',
         off=False, method='surface')
     color_matching: bool = setting(
-        True, 'surface method: measure the color difference of the cameras from each pair',
+        True, 'surface method: measure the color difference of the cameras from each pair, also '
+        'where it varies over the image',
         off=False, method='surface')
+    blur_matching: bool = setting(
+        True, 'surface method: measure by how much one view is blurred more than the other, and '
+        'blur the sharper one alike', off=False, method='surface')
     occlusion_test: bool = setting(
         True, 'surface method: distrust places of the right image that two surfaces claim',
         off=False, method='surface')

@@ -7,7 +7,7 @@ import numpy as np
 from .grid_kernels import F4
 
 
-def channel_gains(levels, color, tuning):
+def channel_gains(levels, color, tuning, images):
     """
     Return the gains of the channels of both cameras, float32 (2, 3).
 
@@ -17,12 +17,15 @@ def channel_gains(levels, color, tuning):
         Of left and right, float32 (3,) each: dark level and mean above it, DN.
     color : ColorSettings
     tuning : ViewTuning
+    images : sequence of two numpy.ndarray, uint8, shape (H, W, 3)
+        Left and right.
 
     """
     if not color.equalize:
         return np.ones((2, 3), F4)
     means = [mean for _, mean in levels]
-    if same_cameras(means, color.equalize_cameras, tuning):
+    unlike = color.equalize_cameras == 'automatic' and blocks_differ(levels, tuning, images)
+    if not unlike and same_cameras(means, color.equalize_cameras, tuning):
         # the two may see different parts of the pattern
         means = [0.5 * (means[0] + means[1])] * 2
     return gains_of(means, tuning)
@@ -44,6 +47,34 @@ def same_cameras(means, choice, tuning):
     offset = F4(tuning.channel_offset)
     balance = np.log((means[0] + offset) / (means[1] + offset))
     return np.ptp(balance) < tuning.same_camera_balance
+
+
+def blocks_differ(levels, tuning, images):
+    """
+    Return whether the color balance of two cameras differs by more than that of parts of images.
+
+    Where every block of both images holds many cycles of the pattern, the blocks have nearly one
+    balance, and a difference of the images is one of the cameras. Where the blocks have many
+    balances, nothing can be said.
+
+    """
+    columns, rows = tuning.balance_blocks
+    if not columns:
+        return False
+    means, errors = [], []
+    for (dark, _), image in zip(levels, images):
+        blocks = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
+        light = np.maximum(blocks.reshape(-1, 3) - dark, 0)
+        light = light[light.sum(axis=1) > tuning.least_block]
+        if len(light) < tuning.least_blocks:
+            return False
+        balance = np.log(light + tuning.channel_offset)
+        balance -= balance.mean(axis=1, keepdims=True)
+        means.append(np.median(balance, axis=0))
+        errors.append(balance.var(axis=0) / len(balance))
+    difference = means[0] - means[1]
+    sure = np.abs(difference) > tuning.sure_blocks * np.sqrt(errors[0] + errors[1])
+    return np.ptp(difference) > tuning.block_difference and bool(sure.any())
 
 
 def gains_of(means, tuning):

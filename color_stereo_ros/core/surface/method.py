@@ -36,6 +36,7 @@ from ..patterns.expectation import Expectation
 from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
 from .coarse import CoarseSearch
+from .even import Evening
 from .grid import HalfGrid
 from .grid_kernels import F4
 from .neighbors import propagate_planes, rough_tiles
@@ -87,6 +88,7 @@ class SurfaceMethod:
         choice = settings.matching.row_alignment
         self.aligner = None if choice == 'off' else Aligner(
             (grid.width, grid.height), choice == 'correct')
+        self.evening = Evening(settings.matching, tuning)
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
             # the black pair that warms the kernels has no colors to match
@@ -118,6 +120,8 @@ class SurfaceMethod:
             alignment, seeds = self.match_aligned(left, right, alignment, search, clock)
         views, planes = self.views, self.planes
         self.least_squares.correct_variance(planes)
+        if views.compressed:
+            planes.variance *= self.tuning.raw.noise_correlation
         if self.aligner is not None:
             self.rows.widen(planes, alignment)
         verdict = self.trust.judge(views, planes, seeds)
@@ -177,6 +181,8 @@ class SurfaceMethod:
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
         if self.settings.matching.refinements:
             pair = self.fit_seeds(views, planes, pair, clock)
+        if self.evening.on:
+            pair = self.even_out(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
         return pair, seeds
@@ -209,6 +215,56 @@ class SurfaceMethod:
         pair = pair.measured(views, planes, self.match_colors, self.tuning)
         clock.lap('compare 1', pair)
         return pair
+
+    def even_out(self, views, planes, pair, clock):
+        """
+        Make the views alike in blur and color, as far as the first round shows a difference.
+
+        Where the difference is large the search is repeated. Writes the views and all of planes.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField
+            After the first round.
+        pair : PairModel
+            As the first round has measured it.
+        clock : Stopwatch
+
+        Returns
+        -------
+        pair : PairModel
+            That of the changed views; this one where nothing has changed.
+
+        """
+        if pair.scale > self.tuning.unlike.quiet_scale:
+            if self.evening.even_spread(views):
+                pair = self.search_again(views, planes)
+            for _ in range(self.tuning.unlike.searches + 1):
+                changed, size = self.evening.improve(views, planes)
+                if not changed:
+                    break
+                if size >= 1:
+                    pair = self.search_again(views, planes)
+                    continue
+                pair = self.measured_anew(views, planes)
+                break
+        clock.lap('even out', pair)
+        return pair
+
+    def search_again(self, views, planes):
+        """Search and fit seeds in views that have changed; return the PairModel."""
+        neutral = PairModel.neutral(views)
+        planes.seed(self.coarse.search(views))
+        linearized = self.least_squares.linearize(views, planes, neutral, planes.tiles)
+        self.least_squares.fit(linearized, views, planes, neutral, planes.tiles, turn=0)
+        return self.measured_anew(views, planes)
+
+    def measured_anew(self, views, planes):
+        """Return the PairModel of views that have changed; the planes stay."""
+        neutral = PairModel.neutral(views)
+        self.least_squares.linearize(views, planes, neutral, planes.tiles)
+        return neutral.measured(views, planes, self.match_colors, self.tuning)
 
     def refine(self, turn, views, planes, pair, clock):
         """

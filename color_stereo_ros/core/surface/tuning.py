@@ -42,6 +42,44 @@ class GridTuning(Constants):
 
 
 @dataclass(frozen=True)
+class RawTuning(Constants):
+    """Compression and hot pixels."""
+
+    rows: tuple = constant(
+        (8, 61), 'px', 'First row and distance of the rows that are looked at.',
+        derived('8 rows of an image of 480, even and odd ones.'))
+    least_columns: int = constant(
+        64, 'px', 'Width of an image below which nothing is looked for.',
+        chosen('Fewer samples show nothing.'))
+    least_change: float = constant(
+        0.05, 'DN', 'Added to mean changes before their ratio.',
+        derived('Far below the change by rounding; an image without colors has a ratio of 1.'))
+    pairing: float = constant(
+        0.18, '1', 'Log ratio of the changes of chroma on even and on odd columns above which '
+        'chroma is subsampled.',
+        chosen('Sensor images stay within .02, whatever their mosaic and blur. JPEG 4:2:0 of '
+               'quality 30 to 95: .6 to 1.7; YUV 4:2:2: .25.'))
+    luma_surroundings: float = constant(
+        2.5, 'px', 'Standard deviation of the surroundings whose brightness luma is divided by.',
+        chosen('JPEG 60, nut: density .80 -> .89; 2 px: .88, 8 px: .85. Printed: .63 -> .94.'))
+    chroma_smoothing: float = constant(
+        2.0, 'px', 'Standard deviation of the average of what luma does not tell.',
+        chosen('JPEG 60: nut .891 -> .904, printed .939 -> .954, casting .848 -> .868.'))
+    noise_correlation: float = constant(
+        2.0, '1', 'Factor of the variance of planes for errors that neighbors share in compressed '
+        'images.', chosen('z68 of JPEG 60: 1.6 -> 1.1.'))
+    spike: int = constant(
+        40, 'DN', 'Height above the pixels around from which a pixel counts as hot.',
+        chosen('.03 to .04 % of the values of clean images, .2 to .3 % with 1 % hot pixels.'))
+    hot_share: float = constant(
+        0.0012, '1', 'Share of such values above which an image is mended.',
+        chosen('Between the two.'))
+    outlier: int = constant(
+        30, 'DN', 'Height above (below) the pixels around from which a value is replaced.',
+        chosen('1 % hot pixels, printed: density .960 -> .972 for 20, 30 and 40.'))
+
+
+@dataclass(frozen=True)
 class ViewTuning(Constants):
     """From images to chromaticities and their variance."""
 
@@ -79,6 +117,29 @@ class ViewTuning(Constants):
         200, 'pixels', 'One of so many pixels may be darker than the estimated dark level.',
         unexplained('Half a percent, so that no single pixel decides (df75737).'),
         compiled=True)
+    dark_needs_black: bool = constant(
+        False, '1', 'The dark level is estimated only where all channels are dark.',
+        derived('Under hue_field one channel is dark everywhere.'))
+    dark_difference: float = constant(
+        2.5, 'DN', 'Difference of the dark levels of both views that is no chance.',
+        chosen('Clean pairs stay within 2 DN.'))
+    usual_dark_level: float = constant(
+        3.0, 'DN', 'Largest dark level that is assumed where nothing dark is seen.',
+        chosen('Cameras are built so that black is just above 0.'))
+    balance_blocks: tuple = constant(
+        (0, 0), '1', 'Columns and rows of the blocks whose color balance is compared; 0: means of '
+        'the images suffice.', derived('Every part of an aperiodic pattern holds all hues.'))
+    least_block: float = constant(
+        12.0, 'DN', 'Sum of the channels from which the balance of a block counts.',
+        derived('As `coarse.full_trust`.'))
+    least_blocks: int = constant(
+        12, '1', 'Blocks below which nothing is said.', chosen('A scatter needs some.'))
+    sure_blocks: float = constant(
+        4.0, '1', 'Standard errors of the balance from which cameras differ.',
+        chosen('Both images show mostly the same: their difference scatters less than that.'))
+    block_difference: float = constant(
+        0.08, '1', 'Smallest difference of the log balance for gains of their own.',
+        chosen('Other contents explain .04. Smaller ones are found from matches.'))
     sample_step: int = constant(
         16, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
         unexplained('1200 pixels are left at 640 x 480 (9662ae5).'))
@@ -236,6 +297,154 @@ class PairTuning(Constants):
     color_matching: bool = constant(
         True, '1', 'Measure the color difference of the cameras from each pair '
         '(`matching.color_matching`).', derived('Steep colors tell color and place apart.'))
+
+
+@dataclass(frozen=True)
+class UnlikeTuning(Constants):
+    """By how much the two views differ in blur and color, and when that is evened out."""
+
+    blur: bool = constant(
+        True, '1', 'Measure unequal blur (`matching.blur_matching`).',
+        derived('The blur of steep colors shows.'))
+    color: bool = constant(
+        True, '1', 'Measure unequal colors over the image (`matching.color_matching`).',
+        derived('Steep colors tell color and place apart.'))
+    quiet_scale: float = constant(
+        0.35, '1', 'Scale of the noise (`PairModel.scale`) up to which nothing is looked for.',
+        chosen('Clean pairs have .2 to .3; a blur of sigma 2 px has 27, bands of +-20 % 1.2. Saves '
+               '.001 to .002 s.'))
+    first_steps: tuple = constant(
+        (16, 4), 'nodes', 'Rows and columns between the nodes of the first look.',
+        chosen('1200 nodes are left at 640 x 480, .001 s.'))
+    next_steps: tuple = constant(
+        (8, 4), 'nodes', 'The same of later looks, where the first one has found something.',
+        chosen('As `pair.adapt_steps`.'))
+    band_steps: tuple = constant(
+        (2, 4), 'nodes', 'The same where the gains of rows are measured.',
+        derived('Every bin of rows holds samples.'))
+    spread_cell: int = constant(
+        12, 'nodes', 'Size of the cells whose colors are compared before any match.',
+        chosen('24 px: a blur of sigma 3 px takes a tenth of their contrast.'))
+    full_cell: float = constant(
+        0.9, '1', 'Share of informed nodes from which a cell counts.',
+        chosen('Nodes without information have no color.'))
+    least_cells: int = constant(
+        64, 'cells', 'Cells below which nothing is compared.',
+        chosen('Fewer do not show a spread.'))
+    least_covariance: float = constant(
+        1e-5, '1', 'Added to the variance of the colors of cells.',
+        derived('Images without color then differ by nothing.'))
+    least_spread: float = constant(
+        1.5, '1', 'Ratio of the spread of the colors of both views from which it is evened out.',
+        chosen('Other contents change it by a fifth at most.'))
+    least_samples: int = constant(
+        200, 'nodes', 'Matched nodes below which nothing is measured.',
+        chosen('Twelve nodes per coefficient.'))
+    least_explained: float = constant(
+        0.5, '1', 'Share of the spread of the colors that the matches must explain.',
+        chosen('Matches of chance explain nothing; the views are then left as they are.'))
+    repeats: int = constant(
+        4, '1', 'Looks at the same matches.',
+        chosen('A sigma of 3 px is found to .6 px^2 after four, to 3 px^2 after two.'))
+    searches: int = constant(
+        2, '1', 'Searches after the first one.',
+        chosen('The first matches under a sigma of 3 px are rough; the second ones are not.'))
+    first_turns: int = constant(
+        2, '1', 'Turns of the robust regression in the first look.',
+        chosen('Enough to see that nothing differs.'))
+    turns: int = constant(
+        4, '1', 'The same in later looks.',
+        chosen('Fewer leave a part of the blur to the matrix.'))
+    robust: float = constant(
+        9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',
+        derived('As `planes.robust_misfit`.'))
+    place_std: float = constant(
+        0.3, 'px', 'Standard deviation of the places of the first matches: a difference along the '
+        'gradient of the color counts for less.',
+        chosen('Seeds scatter by .35 px, fitted planes by less.'))
+    least_scale: float = constant(
+        1e-3, '1', 'Smallest scatter of a chromaticity.',
+        derived('Below the rounding of 8 bits.'))
+    least_share: float = constant(
+        0.01, '1', 'Smallest share of a channel.',
+        derived('Keeps the logarithm of a dark channel finite.'))
+    least_slope: float = constant(
+        1e-9, '1 / px', 'Added to a slope that is divided by.', derived('Prevents division by 0.'))
+    least_inside: float = constant(
+        1e-3, '1', 'Smallest share of the surroundings inside the image that is divided by.',
+        derived('As `views.least_inside_share`.'))
+    blur_levels: int = constant(
+        3, '1', 'Blurred images between which blur over the image is interpolated, less one.',
+        chosen('A linear function of the place needs few.'))
+    even_blur: float = constant(
+        0.15, '1', 'Relative range of the blur below which it counts as even.',
+        chosen('Less does not show in the matches.'))
+    bell_reach: float = constant(
+        3.5, 'sigma', 'Reach of the bell that blurs.',
+        derived('Beyond it lies .0005 of the bell.'))
+    least_bell: float = constant(
+        0.25, 'nodes^2', 'Variance below which three taps take the place of a bell.',
+        derived('A sampled bell of less than half a node is too narrow.'))
+    blur_step: float = constant(
+        0.6, '1', 'Share of the measured blur that one look evens out.',
+        chosen('The first matches are rough, so that a whole step goes too far; both views are '
+               'blurred then. Sigma 3 px: density .865 with 1, .89 with .5.'))
+    blur_prior: float = constant(
+        9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
+        derived('A sigma of 3 px is plausible.'))
+    gain_prior: float = constant(
+        0.3, '1', 'Standard deviation of the prior of log gains and of matrix elements.',
+        chosen('Lenses and filters of cameras differ by so much.'))
+    gamma_prior: float = constant(
+        0.5, '1', 'Standard deviation of the prior of an exponent.',
+        chosen('One linear camera beside one with the curve of a screen is plausible.'))
+    certain: float = constant(
+        6.0, '1', 'Standard deviations from which a difference is significant.',
+        chosen('Clean pairs stay at 7 for differences that do not matter.'))
+    least_blur: float = constant(
+        0.5, 'px^2', 'Mean unequal blur below which the views are left as they are.',
+        chosen('Clean pairs stay below .3 px^2. Less costs nothing.'))
+    large_blur: float = constant(
+        3.0, 'px^2', 'Unequal blur from which the search is repeated.',
+        chosen('A sigma of 1.5 px costs the search nothing.'))
+    least_variance: float = constant(
+        0.05, 'px^2', 'Smallest blur that is worth the time.',
+        derived('Far below the 3/4 px^2 that every pixel has.'))
+    least_gain: float = constant(
+        0.12, '1', 'Mean log gain below which the colors are left as they are.',
+        chosen('Aperiodic colors in two dimensions are nearly immune, and `color_matrix` removes '
+               'constant gains.'))
+    large_gain: float = constant(
+        0.15, '1', 'Mean log gain from which the search is repeated.',
+        chosen('The search bears less without loss.'))
+    large_mix: float = constant(
+        0.4, '1', 'The same of the exponent and of the matrix.',
+        chosen('Crosstalk of .1 and less costs the search nothing.'))
+    least_gamma: float = constant(
+        0.1, '1', 'The same of the exponent.', chosen('Clean pairs stay below .05.'))
+    least_matrix: float = constant(
+        0.1, '1', 'The same of the matrix, which `pair_model.color_matrix` measures, too.',
+        chosen('Clean pairs stay below .05.'))
+    least_band: float = constant(
+        0.02, '1', 'Log gain of rows (standard deviation) that counts as color bands.',
+        chosen('Clean pairs stay below .01.'))
+    certain_band: float = constant(
+        4.0, '1', 'Ratio of the variance of the gains of rows to that of noise that is '
+        'significant.', chosen('Clean pairs stay below 2.'))
+    least_row_weight: float = constant(
+        100.0, '1', 'Weight of a row whose gain is asked.',
+        derived('A standard deviation of .1.'))
+    band_rows: int = constant(
+        4, 'px', 'Raw rows of a bin of color bands.',
+        chosen('A band is some tens of rows high.'))
+    band_taps: int = constant(
+        7, 'bins', 'Length of the window over bins.', derived('Three standard deviations.'))
+    band_smoothing: float = constant(
+        1.0, 'bins', 'Standard deviation of the window over bins.',
+        chosen('Every gain then has hundreds of samples.'))
+    band_turns: int = constant(
+        3, '1', 'Turns between the bands of both cameras.',
+        chosen('Bands of both cameras differ in their phase, and are told apart quickly.'))
 
 
 @dataclass(frozen=True)
@@ -509,10 +718,12 @@ class Tuning(Constants):
     """All constants of the surface method."""
 
     grid: GridTuning = GridTuning()
+    raw: RawTuning = RawTuning()
     views: ViewTuning = ViewTuning()
     coarse: CoarseTuning = CoarseTuning()
     pair: PairTuning = PairTuning()
     rows: RowTuning = RowTuning()
+    unlike: UnlikeTuning = UnlikeTuning()
     planes: PlaneTuning = PlaneTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
@@ -530,7 +741,15 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
     'coarse.smoothness': Change(2.0, unexplained(
         'Neighbors tell repetitions apart (e4ddeb0).')),
     'views.same_camera_balance': Change(math.inf, derived(
-        'Both cameras may see different parts of the pattern: they always share their gains.')),
+        'Both cameras may see different parts of the pattern: the blocks decide.')),
+    'views.balance_blocks': Change((12, 9), chosen(
+        'A block of 53 px holds whole cycles of most patterns.')),
+    'unlike.quiet_scale': Change(0.0, derived(
+        'Small gains do not show in the scale, but move colors in one dimension.')),
+    'unlike.least_gain': Change(0.01, chosen(
+        '16 sines: a gain of .025 that stays makes a median error of .1 px, without it .006 px.')),
+    'views.dark_needs_black': Change(True, derived(
+        'Channels that are never dark would lose a part of their light.')),
 }
 COUNTED = {  # under several cycles of a known number
     'coarse.texture': Change(4.0, chosen(
@@ -556,6 +775,9 @@ def slow(radius):
             'Creases do not show in such colors. One sine: bench .75 -> .80 within 1 px, print '
             '.70 -> .78 (1a505a2).')),
         'pair.color_matching': Change(False, unexplained(
+            'A shift of slow colors looks like a color difference of the cameras.')),
+        'unlike.blur': Change(False, derived('Averaged colors do not show blur.')),
+        'unlike.color': Change(False, unexplained(
             'A shift of slow colors looks like a color difference of the cameras.')),
         'views.foreshortening': Change(False, derived(
             'Averaged colors change too slowly for their blur to show.')),

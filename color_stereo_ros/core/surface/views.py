@@ -8,6 +8,7 @@ spread they have, and their colors.
 """
 
 from functools import cached_property
+import math
 from types import SimpleNamespace
 
 import cv2
@@ -19,7 +20,11 @@ from .gains import channel_gains, noise_weight
 from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .moving import MovedRows
+from .raw_faults import (
+    chroma_is_subsampled, has_hot_pixels, LUMA, without_hot_pixels)
 from .view_kernels import box_sums, channel_levels, sample_colors
+
+ROOT12 = F4(2 * math.sqrt(3.0))
 
 
 class Views:
@@ -44,13 +49,15 @@ class Views:
         Variance of the point spread that all nodes share, px^2; 0 switches foreshortening off.
     noise_weight : numpy.float32
         Of the pair in force, see `gains.noise_weight`.
+    compressed : bool
+        The chroma of the pair in force is subsampled.
 
     """
 
     def __init__(self, calibration, grid, settings, tuning, rectified_input, arena):
         """Build the maps of both cameras and make their point spreads alike."""
-        margin, tuning = tuning.rows.margin, tuning.views
-        self.grid, self.settings, self.tuning = grid, settings, tuning
+        margin, raw, tuning = tuning.rows.margin, tuning.raw, tuning.views
+        self.grid, self.settings, self.tuning, self.raw = grid, settings, tuning, raw
         rows, columns = grid.nodes
         self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input,
                          tuning, arena)
@@ -68,6 +75,7 @@ class Views:
         foreshortened = settings.matching.foreshortening and tuning.foreshortening
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
+        self.compressed = False
 
     def load(self, left, right, applied):
         """
@@ -89,13 +97,37 @@ class Views:
         if self.moved is not None:
             self.moved.move(applied)
         color = self.settings.color
+        left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
+                       else image for image in (left, right))
         levels = [self.left.load(left, color), self.right.load(right, color)]
-        gains = channel_gains(levels, color, self.tuning)
+        self.share_dark_levels(levels)
+        gains = channel_gains(levels, color, self.tuning, (left, right))
+        # chroma that is subsampled in one view alone would make the views unlike
+        self.compressed = all(chroma_is_subsampled(image, self.raw) for image in (left, right))
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
-            view.fill(dark, gain, color)
+            view.fill(dark, gain, color, self.raw if self.compressed else None)
         averaged = (1 + 2 * self.tuning.averaging_radius) ** 2
         self.noise_weight = F4(noise_weight(left, self.tuning) / averaged)
         return self
+
+    def share_dark_levels(self, levels):
+        """
+        Lower the dark levels of a view that sees nothing dark to those of the other view.
+
+        levels: as `channel_gains` takes them; changed in place. Blur takes the darkest places
+        from a view: then light would be taken for the dark level.
+
+        """
+        for view, (dark, mean), (other, _) in ((self.left, levels[0], levels[1]),
+                                               (self.right, levels[1], levels[0])):
+            if not view.sees_black and (dark - other).max() > self.tuning.dark_difference:
+                brighten(dark, mean, np.minimum(dark, other))
+
+
+def brighten(dark, mean, level):
+    """Lower dark levels to a level; the means above them rise. No sample lies in between."""
+    mean += dark - level
+    dark[:] = level
 
 
 class View:
@@ -165,13 +197,28 @@ class View:
         dark, mean = np.empty((2, 3), F4)
         channel_levels(self.pixels, step, F4(color.dark_level), tuning.largest_dark_level, dark,
                        mean)
+        self.sees_black = True
+        if color.dark_level < 0:
+            darkest = self.pixels[step // 2::step, step // 2::step, :3].max(axis=2).ravel()
+            at = darkest.size // tuning.dark_level_rank
+            self.sees_black = np.partition(darkest, at)[at] <= tuning.largest_dark_level
+            if tuning.dark_needs_black and not self.sees_black:
+                brighten(dark, mean, min(dark.min(), F4(tuning.usual_dark_level)))
         return dark, mean
 
-    def fill(self, dark, gain, color):
+    def fill(self, dark, gain, color, raw=None):
         """
         Rectify the image into chromaticity, brightness and variance.
 
-        dark: as `load` returns it; gain: float32 (3,) of the channels.
+        Parameters
+        ----------
+        dark : numpy.ndarray, float32, shape (3,)
+            As `load` returns it.
+        gain : numpy.ndarray, float32, shape (3,)
+            Of the channels.
+        color : ColorSettings
+        raw : RawTuning, optional
+            Of a compressed image, whose luma is sharper than its chroma.
 
         """
         box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
@@ -179,10 +226,54 @@ class View:
                       dark, gain, F4(self.tuning.softening), F4(color.saturation_level - 1),
                       self.noise, self.widening, self.ring, self.u, self.v, self.s, self.peak,
                       self.variance)
+        if raw is not None:
+            self.sharpen_by_luma(gain, raw)
         if self.tuning.averaging_radius:
             self.average()
         if self.tuning.print_gain:
             self.add_print()
+
+    def sharpen_by_luma(self, gain, raw):
+        """
+        Take one direction of the chromaticity from luma, which compression keeps best.
+
+        Luma over brightness is a linear function of chromaticity. The brightness of a compressed
+        image holds the errors of its chroma; its mean over the surroundings does not. The
+        chromaticity across this direction is averaged: compression has left no detail in it.
+
+        Parameters
+        ----------
+        gain : numpy.ndarray, float32, shape (3,)
+            Of the channels.
+        raw : RawTuning
+
+        """
+        weight = LUMA / gain
+        along_u = (2 * weight[0] - weight[1] - weight[2]) / 6
+        along_v = (weight[1] - weight[2]) / ROOT12
+        length = np.hypot(along_u, along_v)
+        along_u, along_v, offset = along_u / length, along_v / length, weight.sum() / 3 / length
+        lit = self.s > 0
+        luma = self.s * (offset + along_u * self.u + along_v * self.v)
+        own = luma / self.mean_inside(self.s, raw.luma_surroundings) - offset
+        across = self.s * (along_u * self.v - along_v * self.u)
+        across = (self.mean_inside(across, raw.chroma_smoothing, F4(0))
+                  / self.mean_inside(self.s, raw.chroma_smoothing))
+        self.u[lit] = (along_u * own - along_v * across)[lit]
+        self.v[lit] = (along_v * own + along_u * across)[lit]
+
+    def mean_inside(self, plane, deviation, least=F4(1)):
+        """
+        Return a Gaussian mean of a plane over what lies inside the raw image.
+
+        deviation: px; least: at least that, where it is above 0.
+
+        """
+        size = {'sigmaX': deviation / 2 * self.columns_per_node, 'sigmaY': deviation / 2}
+        share = cv2.GaussianBlur(self.inside.astype(F4), (0, 0), **size)
+        mean = cv2.GaussianBlur(plane, (0, 0), **size) / np.maximum(
+            share, F4(self.tuning.least_inside_share))
+        return np.maximum(mean, least) if least else mean
 
     def average(self):
         """Average the chromaticities of slow colors over the nodes around each one."""
@@ -207,6 +298,12 @@ class View:
         np.subtract(level, mean, out=level, where=self.inside)
         excess = np.maximum(np.abs(level) - F4(self.tuning.least_print), F4(0))
         self.u += F4(self.tuning.print_gain) * np.copysign(excess, level)
+
+    @cached_property
+    def raw_rows(self):
+        """Row of each node in the raw image, px, float32; outside: the first one."""
+        stride = self.box.shape[1]
+        return (np.maximum(self.index[0], 0) // stride).astype(F4) + self.index[2] + F4(0.5)
 
     @cached_property
     def inside_share(self):

@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the two views of a pair alike: the sharper one is blurred, colors are changed."""
+
+import math
+
+import cv2
+import numpy as np
+
+from .grid_kernels import F4, PAD, SILENT_VARIANCE
+from .unlike import GAUGES, LINEAR, polynomial, QUADRATIC, Regression, sampled, Unlikeness
+
+ROOT3 = F4(np.sqrt(3.0))
+
+
+class Evening:
+    """
+    Measures by how much the views of a pair differ, and evens that out in the views.
+
+    Nothing is carried from pair to pair.
+
+    Parameters
+    ----------
+    matching : MatchingSettings
+        Of which `blur_matching` and `color_matching` say what is evened out.
+    tuning : Tuning
+
+    """
+
+    def __init__(self, matching, tuning):
+        """Decide what is asked."""
+        self.tuning = tuning.unlike
+        self.softening = F4(tuning.views.softening)
+        self.blur = matching.blur_matching and tuning.unlike.blur
+        self.color = matching.color_matching and tuning.unlike.color
+        self.on = (self.blur or self.color) and matching.refinements > 0
+
+    def improve(self, views, planes):
+        """
+        Even out what the matches show, in the views, until nothing more shows.
+
+        Parameters
+        ----------
+        views : Views
+            Changed in place where the views differ.
+        planes : PlaneField
+            After a fit.
+
+        Returns
+        -------
+        changed : bool
+            The views have changed.
+        size : float
+            How far they were from alike; from 1 on, the search may have suffered.
+
+        """
+        changed, size = False, 0.0
+        steps = self.tuning.first_steps
+        for _ in range(self.tuning.repeats):
+            found = self.measure(views, planes, steps)
+            if found is None:
+                break
+            apply(found, views, self.softening, self.tuning)
+            changed, size = True, max(size, found.size)
+            steps = self.tuning.next_steps
+        return changed, size
+
+    def even_spread(self, views):
+        """
+        Give both views the same spread of colors where they differ widely, without any match.
+
+        Crosstalk in one camera takes most of the contrast of its colors; no search finds matches
+        then. Mean and covariance of the paler view become those of the other one.
+
+        Returns
+        -------
+        changed : bool
+
+        """
+        if not self.color:
+            return False
+        tuning = self.tuning
+        seen = [moments(view, tuning, slice(*columns)) for view, columns in (
+            (views.left, (PAD, PAD + views.grid.nodes[1])), (views.right, (0, views.grid.width)))]
+        if None in seen:
+            return False
+        (left_mean, left), (right_mean, right) = seen
+        matrix = transport(right, left)
+        sizes = np.linalg.eigvalsh(matrix)
+        if max(sizes.max(), 1 / sizes.min()) < tuning.least_spread:
+            return False
+        if np.prod(sizes) > 1:
+            respread(views.right, matrix, right_mean, left_mean)
+        else:
+            respread(views.left, np.linalg.inv(matrix), left_mean, right_mean)
+        return True
+
+    def measure(self, views, planes, steps):
+        """Return the Unlikeness of the views, None where none shows or matches are too bad."""
+        tuning = self.tuning
+        samples = sampled(views, planes, *steps)
+        if samples.count < tuning.least_samples:
+            return None
+        first = steps == tuning.first_steps
+        fit = Regression(samples, views, tuning, self.blur, self.color,
+                         tuning.first_turns if first else tuning.turns)
+        if fit.explained < tuning.least_explained:
+            return None
+        blur = np.stack([fit.value('blur', axis, LINEAR) for axis in range(2)])
+        gain = np.stack([fit.value('gain', gauge, QUADRATIC) for gauge in range(2)])
+        matrix = np.stack([fit.value('matrix', row, 2) for row in range(2)])
+        gamma = float(fit.value('gamma', 0, 1)[0])
+        blurs, gains = over(fit, blur, LINEAR), over(fit, gain, QUADRATIC)
+        amount = np.abs(blurs).mean(axis=1).max()
+        blurred = amount > tuning.least_blur and fit.certain('blur') > tuning.certain
+        strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
+        least = tuning.least_gain, tuning.least_gamma, tuning.least_matrix
+        recolored = any(each > limit and fit.certain(name) > tuning.certain for each, limit, name
+                        in zip(strength, least, ('gain', 'gamma', 'matrix')))
+        banded = False
+        if self.color:
+            spread, ratio = fit.row_spread()
+            banded = spread > tuning.least_band and ratio > tuning.certain_band
+        if not (blurred or recolored or banded):
+            return None
+        if first:  # something differs: look closely
+            return self.measure(views, planes, tuning.next_steps)
+        if blurred:
+            # a loss of contrast looks like blur, and the other way round
+            gamma, matrix, strength = 0.0, np.zeros_like(matrix), (strength[0], 0.0, 0.0)
+        bands = self.bands(views, planes) if banded else ()
+        size = max(amount / tuning.large_blur if blurred else 0,
+                   max(strength[0] / tuning.large_gain, max(strength[1:]) / tuning.large_mix)
+                   if recolored else 0,
+                   1.0 if bands else 0)
+        shift = float(np.median(2 * (samples.columns - PAD) - samples.place))
+        blur, blurs = F4(tuning.blur_step) * blur, F4(tuning.blur_step) * blurs
+        return Unlikeness(blur if blurred else np.zeros_like(blur), gain, gamma, matrix,
+                          limits(blurs), limits(gains), bands, shift, blurred,
+                          recolored or banded, size)
+
+    def bands(self, views, planes):
+        """Return the gains of rows, from more samples, see `Unlikeness.bands`."""
+        tuning = self.tuning
+        samples = sampled(views, planes, *tuning.band_steps)
+        fit = Regression(samples, views, tuning, self.blur, self.color, tuning.turns)
+        raw = (views.left.raw_rows[samples.rows, samples.columns],
+               views.right.raw_rows[samples.rows, np.rint(samples.place).astype(np.int32)])
+        bins = [view.box.shape[0] // tuning.band_rows + 1 for view in (views.left, views.right)]
+        return fit.bands(raw, tuning.band_rows, bins)
+
+
+def moments(view, tuning, columns):
+    """
+    Return mean (2,) and covariance (2, 2) of the colors of cells, or None.
+
+    A cell averages nodes of the half grid, `spread_cell` in a row: blur hardly changes its color.
+
+    """
+    size = tuning.spread_cell
+    rows = slice(PAD, view.u.shape[0] - PAD)
+    shape = ((columns.stop - columns.start) // (size * view.columns_per_node),
+             (rows.stop - rows.start) // size)
+    if min(shape) < 1:
+        return None
+    informed, u, v = (cv2.resize(plane[rows, columns], shape, interpolation=cv2.INTER_AREA)
+                      for plane in ((view.variance < SILENT_VARIANCE).astype(F4), view.u, view.v))
+    full = informed > tuning.full_cell
+    colors = np.stack([u[full], v[full]])
+    if colors.shape[1] < tuning.least_cells:
+        return None
+    mean = colors.mean(axis=1)
+    rest = colors - mean[:, None]
+    covariance = np.einsum('ik,jk->ij', rest, rest).astype(np.float64) / colors.shape[1]
+    return mean, covariance + tuning.least_covariance * np.eye(2)
+
+
+def transport(source, target):
+    """Return the symmetric matrix that gives colors of one covariance another one, (2, 2)."""
+    root = symmetric_root(source)
+    inverse = np.linalg.inv(root)
+    return inverse @ symmetric_root(root @ target @ root) @ inverse
+
+
+def symmetric_root(matrix):
+    """Return the root of a symmetric positive matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    return (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
+
+
+def respread(view, matrix, old_mean, new_mean):
+    """Change mean and spread of the chromaticities of a view in place; their noise grows, too."""
+    matrix = matrix.astype(F4)
+    u, v = view.u - F4(old_mean[0]), view.v - F4(old_mean[1])
+    lit = view.s > 0
+    view.u[lit] = (matrix[0, 0] * u + matrix[0, 1] * v + F4(new_mean[0]))[lit]
+    view.v[lit] = (matrix[1, 0] * u + matrix[1, 1] * v + F4(new_mean[1]))[lit]
+    informed = view.variance < SILENT_VARIANCE
+    grown = view.variance[informed] * F4(np.linalg.det(matrix))
+    view.variance[informed] = np.minimum(grown, np.nextafter(SILENT_VARIANCE, F4(0)))
+
+
+def over(fit, coefficients, terms):
+    """Return polynomials at the samples of a fit, (K, N)."""
+    return np.einsum('kt,tn->kn', coefficients, np.stack(polynomial(fit.x, fit.y, terms)))
+
+
+def limits(values):
+    """Return the smallest and the largest of values, (K, N), (2, K)."""
+    return np.stack([values.min(axis=1), values.max(axis=1)])
+
+
+def apply(unlikeness, views, softening, tuning):
+    """Make the views alike, in place."""
+    if unlikeness.blurred:
+        for view, sign in ((views.left, -1), (views.right, 1)):
+            variance = sign * polynomials(unlikeness.blur, LINEAR, unlikeness.blur_limits, view,
+                                          views.grid, unlikeness.shift)
+            if variance.max() > tuning.least_variance:
+                soften(view, np.maximum(variance, 0), softening, tuning)
+    if not unlikeness.recolored:
+        return
+    gauged = polynomials(unlikeness.gain, QUADRATIC, unlikeness.gain_limits, views.right,
+                         views.grid, 0.0)
+    log_gain = np.einsum('kc,kyx->cyx', GAUGES, gauged)
+    if unlikeness.bands:
+        of_left, of_right = unlikeness.bands
+        log_gain += between(of_right, views.right.raw_rows, tuning.band_rows)
+        recolor(views.left, 0.0, -between(of_left, views.left.raw_rows, tuning.band_rows),
+                np.zeros((2, 2)), tuning)
+    recolor(views.right, unlikeness.gamma, log_gain, unlikeness.matrix, tuning)
+
+
+def between(gains, raw_rows, size):
+    """Return the gains of rows, (3, h, w), interpolated between the bins (bins, 3)."""
+    place = np.clip((raw_rows + F4(0.5)) / F4(size) - F4(0.5), 0, len(gains) - 1)
+    low = np.minimum(place.astype(np.int32), len(gains) - 2)
+    share = (place - low)[..., None].astype(F4)
+    return np.moveaxis((1 - share) * gains[low] + share * gains[low + 1], -1, 0)
+
+
+def polynomials(coefficients, terms, bounds, view, grid, shift):
+    """
+    Return polynomials over the right view at the nodes of a view, float32 (K, h, w).
+
+    They stay within bounds, (2, K): where no sample was, a polynomial knows nothing.
+
+    """
+    rows, columns = grid.nodes
+    step = 2 // view.columns_per_node
+    first = PAD if step == 2 else 0
+    height, width = view.u.shape
+    y = ((np.arange(height, dtype=F4) - PAD) * F4(2 / rows) - 1)[:, None]
+    x = (((np.arange(width, dtype=F4) - first) * step - F4(shift)) * F4(1 / columns) - 1)[None]
+    x, y = np.broadcast_arrays(x, y)
+    fields = np.einsum('kt,tyx->kyx', coefficients.astype(F4), np.stack(polynomial(x, y, terms)))
+    low, high = bounds.astype(F4)[:, :, None, None]
+    return np.clip(fields, low, high)
+
+
+def recolor(view, gamma, log_gain, matrix, tuning):
+    """
+    Change the chromaticities of a view in place.
+
+    Parameters
+    ----------
+    view : View
+    gamma : float
+        Added to the exponent of the channels.
+    log_gain : numpy.ndarray, float32, shape (3, h, w)
+    matrix : numpy.ndarray, shape (2, 2)
+        Added to the unit matrix; applied last.
+    tuning : UnlikeTuning
+
+    """
+    least = F4(tuning.least_share)
+    red = np.maximum((view.u + 1) / 3, least)
+    half, tilt = (1 - red) / 2, view.v / (2 * ROOT3)
+    channels = [red, np.maximum(half + tilt, least), np.maximum(half - tilt, least)]
+    if gamma:
+        channels = [cv2.pow(each, 1 + gamma) for each in channels]
+    channels = [each * cv2.exp(np.ascontiguousarray(gain))
+                for each, gain in zip(channels, log_gain)]
+    total = channels[0] + channels[1] + channels[2]
+    u = 3 * channels[0] / total - 1
+    v = ROOT3 * (channels[1] - channels[2]) / total
+    lit = view.s > 0
+    map_u, map_v = (np.eye(2) + matrix).astype(F4)
+    view.u[lit] = (map_u[0] * u + map_u[1] * v)[lit]
+    view.v[lit] = (map_v[0] * u + map_v[1] * v)[lit]
+
+
+def soften(view, variance, softening, tuning):
+    """
+    Blur a view in place, as a lens would blur its light.
+
+    Parameters
+    ----------
+    view : View
+    variance : numpy.ndarray, float32, shape (2, h, w)
+        By how much along rows and along columns, px^2, 0 or more.
+    softening : numpy.float32
+        See `view_kernels.sample_colors`.
+    tuning : UnlikeTuning
+
+    """
+    weight = view.s + softening
+    inside = view.inside.astype(F4)
+    light = cv2.merge([view.u * weight * inside, view.v * weight * inside, view.s * inside,
+                       inside])
+    step = 2 // view.columns_per_node
+    light = blurred(light, variance[0] / F4(step ** 2), 0, tuning)
+    light = blurred(light, variance[1] / F4(2 ** 2), 1, tuning)
+    share = np.maximum(light[..., 3], F4(tuning.least_inside))
+    total = light[..., 2] + softening * share
+    lit = view.inside & (view.s > 0)
+    view.u[lit] = (light[..., 0] / total)[lit]
+    view.v[lit] = (light[..., 1] / total)[lit]
+    view.s[lit] = (light[..., 2] / share)[lit]
+
+
+def blurred(light, variance, axis, tuning):
+    """Blur along an axis, 0: rows, by variances (h, w), nodes^2; between few levels of blur."""
+    least, most = float(variance.min()), float(variance.max())
+    levels = tuning.blur_levels
+    if most - least < tuning.even_blur * most:
+        return gaussian(light, (most + least) / 2, axis, tuning)
+    out = np.zeros_like(light)
+    stepped = (variance - F4(least)) * F4(levels / (most - least))
+    for k, value in enumerate(np.linspace(least, most, levels + 1)):
+        share = np.maximum(0, 1 - np.abs(stepped - F4(k)))
+        out += share[..., None] * gaussian(light, value, axis, tuning)
+    return out
+
+
+def gaussian(light, variance, axis, tuning):
+    """Blur along an axis, 0: rows, by a variance, nodes^2."""
+    if variance <= 0:
+        return light
+    reach = max(1, math.ceil(tuning.bell_reach * math.sqrt(variance)))
+    at = np.arange(-reach, reach + 1)
+    if variance > tuning.least_bell:
+        kernel = np.exp(-at ** 2 / (2 * variance))
+    else:  # three taps: a sampled bell would be too narrow
+        kernel = np.where(at == 0, 1 - variance, np.where(np.abs(at) == 1, variance / 2, 0))
+    kernel, one = (kernel / kernel.sum()).astype(F4), np.ones(1, F4)
+    return cv2.sepFilter2D(light, -1, *((kernel, one) if axis == 0 else (one, kernel)),
+                           borderType=cv2.BORDER_REPLICATE)

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What compression and hot pixels leave in a raw image: how it is noticed and made up for."""
+
+import cv2
+import numpy as np
+
+from .grid_kernels import F4
+
+LUMA = np.array([0.299, 0.587, 0.114], F4)
+"""Weights of r, g and b in the luma of JPEG and of video (ITU-R BT.601)."""
+RING = np.pad(np.zeros((3, 3), np.uint8), 1, constant_values=1)
+"""The pixels two columns or two rows away: demosaicing spreads a pixel over one."""
+TENT = np.ones((3, 3), np.uint8)
+"""What demosaicing makes of a pixel."""
+
+
+def chroma_is_subsampled(image, tuning):
+    """
+    Return whether the chroma of an image has half of its columns, as in JPEG 4:2:0.
+
+    The decoder interpolates the missing columns. The second differences of chroma along a row
+    then come in pairs, on even or on odd columns. They do not in an image of a sensor, with or
+    without demosaicing.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+    tuning : RawTuning
+
+    """
+    first, step = tuning.rows
+    rows = image[first::step].astype(F4)
+    if rows.shape[0] == 0 or rows.shape[1] < tuning.least_columns:
+        return False
+    luma = rows @ LUMA
+    logs = []
+    for channel in (0, 2):
+        chroma = rows[..., channel] - luma
+        second = chroma[:, 2:] - 2 * chroma[:, 1:-1] + chroma[:, :-2]
+        third = np.abs(np.diff(second))
+        even, odd = third[:, 0::2].mean(), third[:, 1::2].mean()
+        logs.append(np.log((even + tuning.least_change) / (odd + tuning.least_change)))
+    return abs(sum(logs)) > 2 * tuning.pairing
+
+
+def has_hot_pixels(image, tuning):
+    """
+    Return whether more single pixels stand out of an image than scenes and noise explain.
+
+    image: uint8 (H, W, 3); tuning: RawTuning.
+
+    """
+    height, width = image.shape[:2]
+    first, step = tuning.rows
+    centers = np.arange(max(first, 2), height - 2, step)
+    if centers.size == 0 or width < tuning.least_columns:
+        return False
+    strips = image[(centers[:, None] + np.arange(-2, 3)).ravel()]
+    spikes = cv2.subtract(strips, cv2.dilate(strips, RING))[2::5]
+    return np.count_nonzero(spikes > tuning.spike) > tuning.hot_share * spikes.size
+
+
+def without_hot_pixels(image, tuning):
+    """
+    Return an image whose single outstanding pixels are medians of their surroundings.
+
+    A pixel stands out of the ring two pixels away: demosaicing spreads it over its neighbors. The
+    neighbors are replaced, too.
+
+    image: uint8 (H, W, 3); tuning: RawTuning.
+
+    """
+    out = (cv2.subtract(image, cv2.dilate(image, RING)) > tuning.outlier) | (
+        cv2.subtract(cv2.erode(image, RING), image) > tuning.outlier)
+    out = cv2.dilate(out.view(np.uint8), TENT)
+    return np.where(out, cv2.medianBlur(image, 5), image)

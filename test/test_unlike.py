@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Views that differ in blur, color, compression and hot pixels: what is measured and mended."""
+
+from color_stereo_ros.core import ColorStereo
+from color_stereo_ros.core.surface import even
+from color_stereo_ros.core.surface.gains import blocks_differ
+from color_stereo_ros.core.surface.raw_faults import (
+    chroma_is_subsampled, has_hot_pixels, without_hot_pixels)
+from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
+import cv2
+import numpy as np
+import pytest
+from surface_pairs import exposed, photographed, plane, rig, surface_settings
+
+WIDTH, HEIGHT = 320, 240
+TRUTH = plane(WIDTH, HEIGHT, 25.0, 0.03)
+GRAY = np.full((HEIGHT, WIDTH, 3), 0.4)
+
+
+def pair(left=lambda light: light, right=lambda light: light, seed=3):
+    """Return a pair of a leaning plane; what is given changes the light of a view."""
+    rng = np.random.default_rng(seed)
+    return (exposed(left(photographed(-TRUTH)), rng),
+            exposed(right(photographed(0 * TRUTH)), rng))
+
+
+def sensor(**changes):
+    """Return a sensor for `TRUTH`."""
+    return ColorStereo(rig(WIDTH, HEIGHT), surface_settings(15, 35, **changes),
+                       rectified_input=True)
+
+
+@pytest.fixture(scope='module')
+def usual():
+    return sensor()
+
+
+def blurred(sigma_x, sigma_y):
+    """Return a function that blurs light."""
+    return lambda light: cv2.GaussianBlur(light, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y,
+                                          borderType=cv2.BORDER_REPLICATE)
+
+
+def share_right(result):
+    """Return the share of the inner pixels that are right within .5 px."""
+    with np.errstate(invalid='ignore'):
+        right = np.abs(result.disparity - TRUTH) < 0.5
+    return right[12:-12, 48:-12].mean()
+
+
+def found(stereo, images, monkeypatch):
+    """Return all that is evened out in a pair, Unlikeness each, and the result."""
+    seen = []
+    monkeypatch.setattr(even, 'apply', lambda each, *rest, apply=even.apply: (
+        seen.append(each), apply(each, *rest)))
+    return seen, stereo.process(*images)
+
+
+def test_equal_views_stay_as_they_are(usual, monkeypatch):
+    seen, result = found(usual, pair(), monkeypatch)
+    assert not seen
+    other = sensor(matching__blur_matching=False).process(*pair())
+    np.testing.assert_array_equal(result.disparity, other.disparity)
+
+
+@pytest.mark.parametrize('sigma', [1.5, 2.0, 3.0])
+@pytest.mark.parametrize('side', ['left', 'right'])
+def test_blur_of_one_view_is_recovered(usual, monkeypatch, side, sigma):
+    seen, result = found(usual, pair(**{side: blurred(sigma, sigma)}), monkeypatch)
+    total = sum(each.blur[:, 0] for each in seen)
+    expected = sigma ** 2 * (1 if side == 'left' else -1)
+    np.testing.assert_allclose(total, expected, rtol=0.25)
+    assert share_right(result) > 0.95
+
+
+def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):
+    seen, _ = found(usual, pair(right=lambda light: cv2.blur(light, (7, 1))), monkeypatch)
+    along, across = sum(each.blur[:, 0] for each in seen)
+    assert along == pytest.approx(-4.0, rel=0.4)  # (7^2 - 1) / 12
+    assert abs(across) < 0.5
+
+
+def test_blur_is_not_evened_out_where_it_is_switched_off():
+    images = pair(right=blurred(3.0, 3.0))
+    assert share_right(sensor(matching__blur_matching=False).process(*images)) < 0.5
+
+
+def test_a_field_of_gains_is_recovered(usual, monkeypatch):
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    x = (2 * x / WIDTH - 1)[..., None]
+    log_gain = 0.3 + 0.5 * x * np.array([1.0, 0.0, -1.0])
+    seen, result = found(usual, pair(right=lambda light: light * np.exp(-log_gain) / 2),
+                         monkeypatch)
+    slope = sum(each.gain[:, 1] for each in seen) @ even.GAUGES
+    np.testing.assert_allclose(slope, [0.5, 0.0, -0.5], atol=0.05)
+    assert share_right(result) > 0.98
+
+
+def test_bands_of_a_one_chip_projector_are_removed(usual, monkeypatch):
+    row = np.arange(HEIGHT)[:, None, None]
+    gain = 1 + 0.2 * np.sin(2 * np.pi * (row / 60 + np.array([0.0, 1 / 3, 2 / 3])))
+    seen, result = found(usual, pair(right=lambda light: light * gain), monkeypatch)
+    measured = sum(each.bands[0] + each.bands[1] for each in seen if each.bands)
+    centers = (np.arange(HEIGHT // 4) * 4 + 1.5)[:, None]
+    true = -np.log(1 + 0.2 * np.sin(2 * np.pi * (centers / 60 + np.array([0.0, 1 / 3, 2 / 3]))))
+    true -= true.mean(axis=1, keepdims=True)
+    inner = np.s_[5:-5]
+    assert np.sqrt(np.mean((measured[:len(true)] - true)[inner] ** 2)) < 0.04
+    assert share_right(result) > 0.98
+
+
+@pytest.mark.parametrize('change', [
+    lambda light: light ** (1 / 2.2),
+    lambda light: light @ (0.1 * np.ones((3, 3)) + 0.7 * np.eye(3)),
+    lambda light: light @ (0.25 * np.ones((3, 3)) + 0.25 * np.eye(3)),
+    lambda light: light * [1.0, 1.0, 0.3]], ids=['gamma', 'crosstalk', 'strong crosstalk', 'blue'])
+def test_one_camera_of_other_colors_costs_no_ranges(usual, change):
+    assert share_right(usual.process(*pair(right=change))) > 0.97
+
+
+def test_two_scenes_are_not_made_alike(usual, monkeypatch):
+    left, _ = pair()
+    _, right = pair(right=lambda light: light[::-1, ::-1])
+    seen, result = found(usual, (left, right), monkeypatch)
+    assert not seen
+    assert np.isfinite(result.disparity).mean() < 0.02
+
+
+def compressed(image, quality):
+    """Return what JPEG 4:2:0 makes of an RGB image."""
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+               cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420]
+    return np.ascontiguousarray(cv2.imdecode(
+        cv2.imencode('.jpg', image[..., ::-1], options)[1], cv2.IMREAD_COLOR)[..., ::-1])
+
+
+@pytest.mark.parametrize('quality', [95, 85, 60, 40])
+def test_compression_is_seen_and_costs_few_ranges(usual, quality):
+    images = pair()
+    assert not any(chroma_is_subsampled(image, TUNING.raw) for image in images)
+    images = [compressed(image, quality) for image in images]
+    assert all(chroma_is_subsampled(image, TUNING.raw) for image in images)
+    assert share_right(usual.process(*images)) > 0.95
+
+
+def test_images_without_color_are_not_compressed():
+    noise = np.random.default_rng(1).normal(90, 5, (HEIGHT, WIDTH, 1))
+    gray = np.broadcast_to(noise, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+    assert not chroma_is_subsampled(gray, TUNING.raw)
+    assert not chroma_is_subsampled(np.zeros((HEIGHT, WIDTH, 3), np.uint8), TUNING.raw)
+    assert not chroma_is_subsampled(np.zeros((4, 9, 3), np.uint8), TUNING.raw)
+
+
+def test_hot_pixels_are_replaced_and_nothing_else():
+    rng = np.random.default_rng(5)
+    image = exposed(GRAY + 0.2 * photographed(0 * TRUTH), rng)
+    assert not has_hot_pixels(image, TUNING.raw)
+    hot = image.copy()
+    rows, columns = (np.arange(4, limit, 10) for limit in (HEIGHT - 4, WIDTH - 4))
+    hot[np.ix_(rows, columns)] = 255
+    assert has_hot_pixels(hot, TUNING.raw)
+    mended = without_hot_pixels(hot, TUNING.raw).astype(int)
+    assert np.abs(mended - image)[np.ix_(rows, columns)].max() < 40
+    touched = cv2.dilate((hot != image).any(axis=2).astype(np.uint8), np.ones((3, 3)))
+    np.testing.assert_array_equal(mended[touched == 0], image[touched == 0])
+
+
+def test_blocks_tell_other_cameras_from_other_parts_of_the_pattern():
+    tuning = type(TUNING.views)(**{
+        **{name: getattr(TUNING.views, name) for name in TUNING.views.__dataclass_fields__},
+        'balance_blocks': PERIODIC['views.balance_blocks'].value})
+    levels = [(np.zeros(3, np.float32), np.ones(3, np.float32))] * 2
+    column = np.arange(WIDTH)[:, None]
+    waves, ramp = (np.broadcast_to(90 * (1 + 0.8 * np.cos(
+        2 * np.pi * (column / period + np.arange(3) / 3))), (HEIGHT, WIDTH, 3))
+        for period in (16, 2 * WIDTH))
+    for light, differ in ((waves, True), (ramp, False)):
+        images = [np.rint(light * gain).astype(np.uint8) for gain in (1.0, [0.8, 1.0, 1.0])]
+        assert blocks_differ(levels, tuning, images) == differ
+    assert not blocks_differ(levels, tuning, [np.rint(waves).astype(np.uint8)] * 2)
