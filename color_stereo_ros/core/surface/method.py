@@ -29,6 +29,7 @@ import numpy as np
 
 from ..compiled import Arena
 from ..patterns.expectation import Expectation
+from .bends import Bends
 from .coarse import CoarseSearch
 from .grid import HalfGrid
 from .grid_kernels import F4
@@ -75,6 +76,7 @@ class SurfaceMethod:
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
                                           arena)
+        self.bends = Bends(grid, tuning.bends, arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
@@ -106,6 +108,10 @@ class SurfaceMethod:
             pair = self.fit_seeds(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
+        if self.settings.matching.refinements:
+            self.bends.correct(self.least_squares.linearized, views, planes, pair,
+                               self.least_squares)
+            clock.lap('bend', planes)
         self.least_squares.correct_variance(planes)
         verdict = self.trust.judge(views, planes, seeds)
         clock.lap('judge', verdict)

@@ -296,6 +296,43 @@ class PlaneTuning(Constants):
 
 
 @dataclass(frozen=True)
+class BendTuning(Constants):
+    """Surfaces that bend within the window of a plane."""
+
+    rounds: int = constant(
+        1, 'rounds', 'Corrections of the planes of bent tiles; 0: none.',
+        chosen('One takes most of the bias; each costs a fit of the bent tiles.'))
+    span: int = constant(
+        7, 'nodes', 'Distance of the nodes whose second difference shows a bend.',
+        derived('Half of a wide window: windows so far apart share half of their nodes.'),
+        compiled=True)
+    largest_bend: float = constant(
+        3.0, 'px', 'Second difference from which a node lies beside a depth edge.',
+        chosen('A bend of twice what still counts as smooth.'), compiled=True)
+    least_bend: float = constant(
+        0.03, 'px', 'Second difference that is not worth a correction.',
+        chosen('A wide window is off by .006 px there, as by rounding of steep colors.'))
+    noise_ratio: float = constant(
+        12.0, '1', 'Square of a second difference over the variance of planes that noise does not '
+        'reach.', derived('Three independent planes have 6 times the variance; twice that.'))
+    usual_misfit: float = constant(
+        1.1, '1', 'Mean root misfit up to which planes fit.',
+        chosen('Clean pairs stay below it, rows that are off by a quarter of a pixel do not.'))
+    misfit_gain: float = constant(
+        30.0, '1', 'By how much the variance of planes grows with the mean root misfit.',
+        chosen('Rows off by .25 to 1 px: errors of 20 to 100 times the variance.'))
+    least_share: float = constant(
+        0.1, '1', 'Share of bent nodes above which a tile is corrected.',
+        chosen('Single nodes are noise.'))
+    doubt: float = constant(
+        0.2, 'px per px', 'Standard deviation per px of the correction: higher orders remain.',
+        chosen('Waves, fillets, spheres of the simulator.'))
+    misfit_cap: float = constant(
+        30.0, '1', 'Largest misfit that counts.', derived('As `trust.misfit_cap`.'),
+        compiled=True)
+
+
+@dataclass(frozen=True)
 class NeighborTuning(Constants):
     """Nodes near depth edges try the planes of their neighbors."""
 
@@ -479,6 +516,7 @@ class Tuning(Constants):
     coarse: CoarseTuning = CoarseTuning()
     pair: PairTuning = PairTuning()
     planes: PlaneTuning = PlaneTuning()
+    bends: BendTuning = BendTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
     repetition: RepetitionTuning = RepetitionTuning()
