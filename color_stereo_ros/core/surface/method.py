@@ -37,6 +37,7 @@ from .neighbors import propagate_planes, rough_tiles
 from .pair_model import color_matrix, PairModel
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
+from .quality import Quality
 from .trust import Trust
 from .tuning import tuning_for
 from .views import Views
@@ -77,6 +78,7 @@ class SurfaceMethod:
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
                                           arena)
         self.bends = Bends(grid, tuning.bends, arena)
+        self.quality = Quality(grid, tuning.quality, arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
@@ -112,6 +114,8 @@ class SurfaceMethod:
             self.bends.correct(self.least_squares.linearized, views, planes, pair,
                                self.least_squares)
             clock.lap('bend', planes)
+            self.quality.correct_variance(self.least_squares.linearized, planes,
+                                          self.least_squares.reference)
         self.least_squares.correct_variance(planes)
         verdict = self.trust.judge(views, planes, seeds)
         clock.lap('judge', verdict)

@@ -333,6 +333,48 @@ class BendTuning(Constants):
 
 
 @dataclass(frozen=True)
+class QualityTuning(Constants):
+    """How well planes fit around a node, and what that says of their variance."""
+
+    step: int = constant(
+        4, 'nodes', 'Distance of the nodes at which the fit is looked at.',
+        derived('Windows of nodes so near overlap.'))
+    reach: int = constant(
+        2, 'nodes', 'Radius of the surroundings whose pulls are summed.',
+        chosen('5 x 5 nodes: large enough to show errors that neighbors share, and smaller than '
+               'the window that the plane has taken them from.'), compiled=True)
+    surroundings: int = constant(
+        5, 'samples', 'Width of the surroundings over which samples are averaged.',
+        chosen('20 x 20 nodes: local, and certain to a fifth.'))
+    least_share: float = constant(
+        0.04, '1', 'Share of known samples below which nothing is said.',
+        derived('One of 5 x 5 samples.'))
+    pull_cap: float = constant(
+        7.0, '1', 'Largest root pull that counts.',
+        chosen('Bounds what a depth edge says of its surroundings.'), compiled=True)
+    uneven_cap: float = constant(
+        1.5, 'px', 'Largest second difference that counts.',
+        chosen('Bounds what a depth edge says of its surroundings.'), compiled=True)
+    worst_variance: float = constant(
+        4.0, 'px^2', 'Variance from which a plane says nothing.',
+        chosen('A standard deviation of 2 px.'), compiled=True)
+    pull_gain: float = constant(
+        2.5, '1', 'Factor of the variance per squared mean root pull; 0: variances stay.',
+        chosen('Eleven simulated scenes, clean and disturbed in ten ways: |error| / std of .74 to '
+               '1.5 at 68 %, before .24 to 12.'))
+    factor_limits: tuple = constant(
+        (0.02, 200.0), '1', 'Smallest and largest factor of the variance.',
+        chosen('Crosstalk in one camera asks for .06; the largest is far from any pair.'))
+    bend_gain: float = constant(
+        0.28, '1', 'Variance added per squared second difference where planes fit badly.',
+        chosen('Found with `pull_gain`. Second differences of independent errors have 6 times '
+               'their variance; the smaller of two, capped, has less.'))
+    misfits: tuple = constant(
+        (1.45, 2.0), '1', 'Mean root misfits between which planes begin to fit badly.',
+        chosen('Found with `pull_gain`. Clean: .9; rows off by .25 px 1.4, by .5 px 1.8.'))
+
+
+@dataclass(frozen=True)
 class NeighborTuning(Constants):
     """Nodes near depth edges try the planes of their neighbors."""
 
@@ -448,8 +490,9 @@ class TrustTuning(Constants):
         0.3, 'px^0.5', 'Root of the distance of the neighbors above which a node contradicts '
         'them.', unexplained('.09 px: most planes of real surfaces agree better (9662ae5).'))
     discord_variance: float = constant(
-        0.25, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
-        unexplained('.5 px: a vaguer plane contradicts by its noise.'))
+        1.0, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
+        chosen('Was .25, when variances did not know how badly planes fit. A vaguer plane '
+               'contradicts by its noise.'))
     discord_share: float = constant(
         0.65, '1', 'Share of contradicting nodes above which matches are chance.',
         chosen('Some planes of real surfaces contradict their neighbors, too. Density of noise '
@@ -517,6 +560,7 @@ class Tuning(Constants):
     pair: PairTuning = PairTuning()
     planes: PlaneTuning = PlaneTuning()
     bends: BendTuning = BendTuning()
+    quality: QualityTuning = QualityTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
     repetition: RepetitionTuning = RepetitionTuning()
@@ -564,6 +608,10 @@ def slow(radius):
             'Averaged colors change too slowly for their blur to show.')),
         'planes.noise_correlation': Change(noise_correlation(radius), derived(
             'See `noise_correlation`; z-scores 7 to 8 -> 1.0 to 1.6 (358af77).')),
+        'bends.rounds': Change(0, chosen(
+            'Averaged colors say too little of the place for second differences.')),
+        'quality.pull_gain': Change(0.0, derived(
+            'Averaged colors share their noise: pulls of neighbors agree without any error.')),
         'neighbors.inertia': Change(0.5, chosen(
             'Slow colors fit many planes nearly as well. The favor of the first version was kept '
             '(c1b4124).')),
