@@ -74,8 +74,8 @@ def write_pulls(k, weight, moment, d, reference, pull):
 
 
 @part(fastmath=FAST)
-def bend_row(sums, d, a, b, variance, noise_weight, ridge, steepest, noise, doubt, new_d, new_a,
-             new_b, new_variance):
+def bend_row(sums, d, a, b, noise_weight, ridge, steepest, noise, doubt, new_d, new_a, new_b,
+             variance):
     """
     Add to one tile row of planes what a plane through the pulls of the window says.
 
@@ -113,12 +113,12 @@ def bend_row(sums, d, a, b, variance, noise_weight, ridge, steepest, noise, doub
         new_a[x] = min(max(a[x] + share * slope_x, -steepest), steepest) if known else a[x]
         new_b[x] = min(max(b[x] + share * slope_y, -steepest), steepest) if known else b[x]
         wider = share * share * spread + min(left * left, spread) + doubt * doubt * square
-        new_variance[x] = variance[x] + (wider if known else F4(0))
+        variance[x] += wider if known else F4(0)
 
 
 @banded()
-def unbend(k, weight, pull, d, a, b, variance, tiles, noise, smooth, gate, noise_weight, ridge,
-           steepest, doubt, new_d, new_a, new_b, new_variance):
+def unbend(k, weight, pull, d, a, b, tiles, noise, smooth, gate, noise_weight, ridge, steepest,
+           doubt, new_d, new_a, new_b, variance):
     """
     Correct the planes of some tiles for the bend of the surface.
 
@@ -126,7 +126,7 @@ def unbend(k, weight, pull, d, a, b, variance, tiles, noise, smooth, gate, noise
     Planes through what the nodes of a window ask for beyond their own disparities show by how
     much (Tukey's twicing: the bias then grows with the fourth power of the window, as that of a
     quadric). Windows have RADIUS nodes; smooth, bool: tiles that need no gate. The others are as
-    in `plane_kernels.fit_planes` and `bend_row`.
+    in `plane_kernels.fit_planes`. variance, px^2, changes in place; see `bend_row`.
 
     """
     first, last = band(k, tiles.shape[0])
@@ -141,6 +141,5 @@ def unbend(k, weight, pull, d, a, b, variance, tiles, noise, smooth, gate, noise
                 gated_sums(weight, pull, d, a, b, top + y, left, gate, 1, sums[y])
         for y in range(top, top + TILE_ROWS):
             bend_row(sums[y - top], d[y, left:right], a[y, left:right], b[y, left:right],
-                     variance[y, left:right], noise_weight, ridge, steepest, noise[tile], doubt,
-                     new_d[y, left:right], new_a[y, left:right], new_b[y, left:right],
-                     new_variance[y, left:right])
+                     noise_weight, ridge, steepest, noise[tile], doubt, new_d[y, left:right],
+                     new_a[y, left:right], new_b[y, left:right], variance[y, left:right])

@@ -48,14 +48,14 @@ class Bends:
         if not len(tiles):
             return
         gate, ridge = solver.gates[-1], solver.ridge
-        for turn in range(tuning.rounds):
+        for _ in range(tuning.rounds):
             smooth = planes.smooth(tiles, views, RADIUS, solver.smooth_steps[-1])
             write_pulls(linearized.weight, linearized.moment, planes.d, solver.reference,
                         self.pull)
             with planes.rewriting(keep_unwritten=True) as (old, new):
-                unbend(linearized.weight, self.pull, old.d, old.a, old.b, planes.variance, tiles,
-                       noise, smooth, gate, pair.noise_weight, ridge, solver.steepest,
-                       F4(tuning.doubt), new.d, new.a, new.b, planes.variance)
+                unbend(linearized.weight, self.pull, old.d, old.a, old.b, tiles, noise, smooth,
+                       gate, pair.noise_weight, ridge, solver.steepest, F4(tuning.doubt), new.d,
+                       new.a, new.b, planes.variance)
         solver.linearize(views, planes, pair, tiles)
 
     def bent_tiles(self, planes):

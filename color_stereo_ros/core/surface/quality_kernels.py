@@ -47,7 +47,8 @@ def sample_quality(k, d, weight, moment, variance, misfit, reference, step, samp
             across = abs(d[y, x - SPAN] + d[y, x + SPAN] - center)
             along = abs(d[y - SPAN, x] + d[y + SPAN, x] - center)
             bend = across if across < along else along
-            known = (bend >= F4(0)) & (total > F4(0)) & (variance[y, x] < WORST_VARIANCE)
+            known = ((across >= F4(0)) & (along >= F4(0)) & (total > F4(0))
+                     & (variance[y, x] < WORST_VARIANCE))
             root = abs(pulls) / math.sqrt(max(total, F4(1e-6)))
             samples[0, row, column] = min(root, PULL_CAP) if known else F4(0)
             samples[1, row, column] = level / number if known else F4(0)
