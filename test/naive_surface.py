@@ -10,7 +10,8 @@ helpers without a twin of their own name are part of these. Twins return what th
 import math
 
 from color_stereo_ros.core.status import Status
-from color_stereo_ros.core.surface import grid_kernels, trust_kernels
+from color_stereo_ros.core.surface import (
+    bend_kernels, grid_kernels, quality_kernels, trust_kernels)
 from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, RIVAL_DISTANCE
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
@@ -334,6 +335,85 @@ def fitted_plane(weight, moment, last, y, x, window, noise_weight, ridge, steepe
     signal = total - noise_weight * sum(weight[y + j, x + i] > 0 for j, i in window)
     variance = np.linalg.inv(held)[0, 0] * total / signal if signal > 0.02 * total else np.inf
     return reference + pulled[0] / total - means @ slopes, *slopes, variance
+
+
+def second_differences(d, y, x):
+    """Return those over bend_kernels.SPAN nodes, along the row and along the column."""
+    span = bend_kernels.SPAN
+    return (d[y, x - span] + d[y, x + span] - 2 * d[y, x],
+            d[y - span, x] + d[y + span, x] - 2 * d[y, x])
+
+
+def find_bent_tiles(d, variance, misfit, tiles, least_bend, noise_ratio, usual_misfit,
+                    misfit_gain, least_share):
+    """Return which tiles bend, bool (N,), and the factor of their noise (N,)."""
+    most = float(bend_kernels.LARGEST_BEND)
+    bent, noise = [], []
+    for tile in tiles:
+        nodes = [(y, x) for y, x in tile_nodes(tile) if (y - tile[0]) % 2 == 0]
+        counted = [node for node in nodes if variance[node] < most and misfit[node] >= 0]
+        roots = [math.sqrt(min(misfit[node], bend_kernels.MISFIT_CAP)) for node in counted]
+        level = np.mean(roots) if roots else 0.0
+        noise.append(1 + misfit_gain * max(level - usual_misfit, 0))
+        spread = np.mean([variance[node] for node in counted]) if counted else 0.0
+        least = least_bend ** 2 + noise_ratio * noise[-1] * spread
+        bends = sum(any(least < bend ** 2 < most ** 2 for bend in second_differences(d, *node))
+                    for node in nodes)
+        bent.append(bends > least_share * len(nodes))
+    return np.array(bent), np.array(noise)
+
+
+def write_pulls(weight, moment, d, reference):
+    """Return what every node asks for beyond its own disparity; 0 where that is unknown."""
+    out = np.zeros(d.shape)
+    for node in nodes_of(d.shape):
+        asked = moment[node] - weight[node] * (d[node] - reference)
+        out[node] = asked if math.isfinite(asked) else 0.0
+    return out
+
+
+def unbend(weight, pull, planes, variance, tiles, noise, smooth, gate, noise_weight, ridge,
+           steepest, doubt):
+    """Return d, a, b and variance, NaN outside the tiles."""
+    out = np.full((4, *weight.shape), np.nan)
+    for tile, factor, free in zip(tiles, noise, smooth):
+        for y, x in tile_nodes(tile):
+            out[:, y, x] = *planes[:, y, x], variance[y, x]
+            window = [(j, i) for j in range(-RADIUS, RADIUS + 1)
+                      for i in range(-RADIUS, RADIUS + 1)
+                      if free or on_plane(planes, y, x, j, i, gate)]
+            step, slope_x, slope_y, spread = fitted_plane(
+                weight, pull, np.zeros(3), y, x, window, noise_weight, ridge, np.inf, 0.0)
+            if not (math.isfinite(spread) and math.isfinite(planes[0, y, x])):
+                continue
+            spread *= factor
+            share = max(1 - spread / max(step ** 2, 1e-12), 0)
+            out[0, y, x] += share * step
+            for at, slope in ((1, slope_x), (2, slope_y)):
+                out[at, y, x] = np.clip(out[at, y, x] + share * slope, -steepest, steepest)
+            out[3, y, x] += (share ** 2 * spread + min(((1 - share) * step) ** 2, spread)
+                             + (doubt * step) ** 2)
+    return out
+
+
+def sample_quality(d, weight, moment, variance, misfit, reference, step, shape):
+    """Return root pull, mean root misfit, second difference and 1 of the samples (4, h, w)."""
+    kernels = quality_kernels
+    out = np.zeros((4, *shape))
+    reach = range(-kernels.REACH, kernels.REACH + 1)
+    pulls = write_pulls(weight, moment, d, reference)
+    for row, column in nodes_of(shape):
+        y, x = (PAD + at * step + step // 2 for at in (row, column))
+        window = [(y + j, x + i) for j in reach for i in reach]
+        total = sum(weight[node] for node in window if math.isfinite(d[node]))
+        bends = [abs(each) for each in second_differences(d, y, x)]
+        if not (np.isfinite(bends).all() and total > 0 and variance[y, x] < kernels.WORST_VARIANCE):
+            continue
+        pull = abs(sum(pulls[node] for node in window)) / math.sqrt(max(total, 1e-6))
+        level = np.mean([math.sqrt(capped(misfit[node])) for node in window])
+        out[:, row, column] = (min(pull, kernels.PULL_CAP), level,
+                               min(*bends, kernels.UNEVEN_CAP), 1)
+    return out
 
 
 def find_smooth_tiles(planes, variance, tiles, halo, step):

@@ -17,6 +17,8 @@ from color_stereo_ros.core import Settings, Status
 from color_stereo_ros.core.compiled import Arena, band, BANDS, LENGTH
 from color_stereo_ros.core.constants import replaced
 from color_stereo_ros.core.surface import planes as surface_planes
+from color_stereo_ros.core.surface.bend_kernels import (
+    find_bent_tiles, unbend, write_pulls)
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
 from color_stereo_ros.core.surface.coarse_kernels import (
     add_turned, GUARD_COST, reduce_colors, seed_planes, winners)
@@ -27,6 +29,7 @@ from color_stereo_ros.core.surface.neighbor_kernels import HALO, PATCH_MARGIN, p
 from color_stereo_ros.core.surface.pixel_kernels import expand
 from color_stereo_ros.core.surface.plane_kernels import (
     find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
+from color_stereo_ros.core.surface.quality_kernels import sample_quality
 from color_stereo_ros.core.surface.row_kernels import moved_rows, row_cells
 from color_stereo_ros.core.surface.trust_kernels import (
     brightness_balance, distrust_islands, find_hidden, HOPELESS_ODDS, ISLAND_ODDS, join_nodes,
@@ -393,6 +396,66 @@ def test_tiles_without_information_keep_their_planes():
                STEEPEST, F4(0), *out)
     np.testing.assert_array_equal(out[:3, *INNER], shape[:, *INNER])
     assert np.isinf(out[3][INNER]).all()
+
+
+def variances(seed):
+    """Return variances of planes, px^2, and misfits; some are unknown."""
+    rng = np.random.default_rng(seed)
+    variance = rng.choice([1e-3, 0.02, 0.5, np.inf], SHAPE, p=[0.6, 0.3, 0.05, 0.05]).astype(F4)
+    misfit = rng.gamma(1, 4, SHAPE).astype(F4)
+    misfit[rng.random(SHAPE) < 0.1] = np.nan
+    return variance, misfit
+
+
+@pytest.mark.parametrize('least_share', [0.1, 0.5, 0.9])
+def test_tiles_bend_where_second_differences_exceed_their_noise(least_share):
+    variance, misfit = variances(51)
+    d = planes(52, jump=2.0)[0]
+    bent, noise = np.empty(len(TILES), bool), np.empty(len(TILES), F4)
+    options = 0.05, 12.0, 1.1, 3.0, least_share
+    find_bent_tiles(d, variance, misfit, TILES, *(F4(each) for each in options), bent, noise)
+    expected = naive.find_bent_tiles(d.astype(float), variance.astype(float),
+                                     misfit.astype(float), TILES, *options)
+    np.testing.assert_array_equal(bent, expected[0])
+    np.testing.assert_allclose(noise, expected[1], rtol=1e-4)
+
+
+def test_bent_planes_are_corrected_by_the_pulls_of_the_window():
+    weight, moment, shape = fit_inputs(53)
+    variance, _ = variances(54)
+    variance[~np.isfinite(variance)] = 1
+    pull = np.empty(SHAPE, F4)
+    write_pulls(weight, moment, shape[0], F4(3), pull)
+    exact = naive.write_pulls(weight.astype(float), moment.astype(float), shape[0].astype(float),
+                              3.0)
+    np.testing.assert_allclose(pull, exact, rtol=1e-4, atol=1e-3)
+    noise = np.linspace(0.01, 0.03, len(TILES)).astype(F4)
+    smooth = np.arange(len(TILES)) % 2 == 0
+    out = np.stack([*shape, variance])
+    unbend(weight, pull, *shape, TILES, noise, smooth, F4(1.5), F4(0.7), F4(0.1), STEEPEST,
+           F4(0.2), *out)
+    expected = naive.unbend(weight.astype(float), exact, shape.astype(float),
+                            variance.astype(float), TILES, noise, smooth, 1.5, 0.7, 0.1,
+                            float(STEEPEST), 0.2)
+    inside = np.s_[:, PAD:-PAD, PAD:-PAD]
+    near = np.isclose(out[inside], expected[inside], rtol=1e-3, atol=3e-3, equal_nan=True)
+    assert near.mean() > 0.99  # a share near 0, or hardly more signal than noise
+    assert np.nanmean(np.abs(expected[inside][0] - shape[inside][0]) > 0.02) > 0.2
+
+
+def test_the_quality_of_the_fit_is_sampled():
+    weight, moment, shape = fit_inputs(55)
+    variance, misfit = variances(56)
+    row, column = np.mgrid[:SHAPE[0], :SHAPE[1]]
+    shape[0] = -4 + 0.1 * row + 0.2 * np.sin(column / 3) * row  # known in the frame, too
+    shape[0][20:22, 20:30] = np.nan
+    samples = np.full((4, 3, 10), np.nan, F4)
+    sample_quality(shape[0], weight, moment, variance, misfit, F4(3), 4, samples)
+    expected = naive.sample_quality(shape[0].astype(float), weight.astype(float),
+                                    moment.astype(float), variance.astype(float),
+                                    misfit.astype(float), 3.0, 4, samples.shape[1:])
+    assert 0.2 < expected[3].mean() < 0.95
+    np.testing.assert_allclose(samples, expected, rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.parametrize('change', [

@@ -35,6 +35,7 @@ from ..compiled import Arena
 from ..patterns.expectation import Expectation
 from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
+from .bends import Bends
 from .coarse import CoarseSearch
 from .even import Evening
 from .grid import HalfGrid
@@ -43,6 +44,7 @@ from .neighbors import propagate_planes, rough_tiles
 from .pair_model import color_matrix, PairModel
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
+from .quality import Quality
 from .rows import RowTracker
 from .trust import Trust
 from .tuning import tuning_for
@@ -83,6 +85,8 @@ class SurfaceMethod:
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
                                           arena)
+        self.bends = Bends(grid, tuning.bends, arena)
+        self.quality = Quality(grid, tuning.quality, arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
         self.rows = RowTracker(grid, tuning, arena)
         choice = settings.matching.row_alignment
@@ -117,8 +121,13 @@ class SurfaceMethod:
         if self.aligner is None:
             pair, seeds = self.match(left, right, np.zeros(COUNT), clock)
         else:
-            alignment, seeds = self.match_aligned(left, right, alignment, search, clock)
+            alignment, pair, seeds = self.match_aligned(left, right, alignment, search, clock)
         views, planes = self.views, self.planes
+        if self.settings.matching.refinements:
+            solver = self.least_squares
+            self.bends.correct(solver.linearized, views, planes, pair, solver)
+            clock.lap('bend', planes)
+            self.quality.correct_variance(solver.linearized, planes, solver.reference)
         self.least_squares.correct_variance(planes)
         if views.compressed:
             planes.variance *= self.tuning.raw.noise_correlation
@@ -141,6 +150,7 @@ class SurfaceMethod:
         -------
         alignment : Alignment
             As the pair shows it.
+        pair : PairModel
         seeds : Seeds
             Of the last match.
 
@@ -149,12 +159,12 @@ class SurfaceMethod:
 
         def measured(prior):
             pair, seeds = self.match(left, right, prior.applied, clock)
-            last[:] = [seeds]
+            last[:] = [pair, seeds]
             found = self.rows.measure(self.views, self.planes, pair, prior)
             clock.lap('rows', found)
             return found
 
-        return self.aligner.align(alignment, measured, search), last[0]
+        return self.aligner.align(alignment, measured, search), *last
 
     def match(self, left, right, applied, clock):
         """

@@ -539,6 +539,85 @@ class RowTuning(Constants):
 
 
 @dataclass(frozen=True)
+class BendTuning(Constants):
+    """Surfaces that bend within the window of a plane."""
+
+    rounds: int = constant(
+        1, 'rounds', 'Corrections of the planes of bent tiles; 0: none.',
+        chosen('One takes most of the bias; each costs a fit of the bent tiles.'))
+    span: int = constant(
+        7, 'nodes', 'Distance of the nodes whose second difference shows a bend.',
+        derived('Half of a wide window: windows so far apart share half of their nodes.'),
+        compiled=True)
+    largest_bend: float = constant(
+        3.0, 'px', 'Second difference from which a node lies beside a depth edge.',
+        chosen('A bend of twice what still counts as smooth.'), compiled=True)
+    least_bend: float = constant(
+        0.03, 'px', 'Second difference that is not worth a correction.',
+        chosen('A wide window is off by .006 px there, as by rounding of steep colors.'))
+    noise_ratio: float = constant(
+        12.0, '1', 'Square of a second difference over the variance of planes that noise does not '
+        'reach.', derived('Three independent planes have 6 times the variance; twice that.'))
+    usual_misfit: float = constant(
+        1.1, '1', 'Mean root misfit up to which planes fit.',
+        chosen('Clean pairs stay below it, rows that are off by a quarter of a pixel do not.'))
+    misfit_gain: float = constant(
+        30.0, '1', 'By how much the variance of planes grows with the mean root misfit.',
+        chosen('Rows off by .25 to 1 px: errors of 20 to 100 times the variance.'))
+    least_share: float = constant(
+        0.1, '1', 'Share of bent nodes above which a tile is corrected.',
+        chosen('Single nodes are noise.'))
+    doubt: float = constant(
+        0.2, 'px per px', 'Standard deviation per px of the correction: higher orders remain.',
+        chosen('Waves, fillets, spheres of the simulator.'))
+    misfit_cap: float = constant(
+        30.0, '1', 'Largest misfit that counts.', derived('As `trust.misfit_cap`.'),
+        compiled=True)
+
+
+@dataclass(frozen=True)
+class QualityTuning(Constants):
+    """How well planes fit around a node, and what that says of their variance."""
+
+    step: int = constant(
+        4, 'nodes', 'Distance of the nodes at which the fit is looked at.',
+        derived('Windows of nodes so near overlap.'))
+    reach: int = constant(
+        2, 'nodes', 'Radius of the surroundings whose pulls are summed.',
+        chosen('5 x 5 nodes: large enough to show errors that neighbors share, and smaller than '
+               'the window that the plane has taken them from.'), compiled=True)
+    surroundings: int = constant(
+        5, 'samples', 'Width of the surroundings over which samples are averaged.',
+        chosen('20 x 20 nodes: local, and certain to a fifth.'))
+    least_share: float = constant(
+        0.04, '1', 'Share of known samples below which nothing is said.',
+        derived('One of 5 x 5 samples.'))
+    pull_cap: float = constant(
+        7.0, '1', 'Largest root pull that counts.',
+        chosen('Bounds what a depth edge says of its surroundings.'), compiled=True)
+    uneven_cap: float = constant(
+        1.5, 'px', 'Largest second difference that counts.',
+        chosen('Bounds what a depth edge says of its surroundings.'), compiled=True)
+    worst_variance: float = constant(
+        4.0, 'px^2', 'Variance from which a plane says nothing.',
+        chosen('A standard deviation of 2 px.'), compiled=True)
+    pull_gain: float = constant(
+        2.5, '1', 'Factor of the variance per squared mean root pull; 0: variances stay.',
+        chosen('Eleven simulated scenes, clean and disturbed in ten ways: |error| / std of .74 to '
+               '1.5 at 68 %, before .24 to 12.'))
+    factor_limits: tuple = constant(
+        (0.02, 200.0), '1', 'Smallest and largest factor of the variance.',
+        chosen('Crosstalk in one camera asks for .06; the largest is far from any pair.'))
+    bend_gain: float = constant(
+        0.28, '1', 'Variance added per squared second difference where planes fit badly.',
+        chosen('Found with `pull_gain`. Second differences of independent errors have 6 times '
+               'their variance; the smaller of two, capped, has less.'))
+    misfits: tuple = constant(
+        (1.45, 2.0), '1', 'Mean root misfits between which planes begin to fit badly.',
+        chosen('Found with `pull_gain`. Clean: .9; rows off by .25 px 1.4, by .5 px 1.8.'))
+
+
+@dataclass(frozen=True)
 class NeighborTuning(Constants):
     """Nodes near depth edges try the planes of their neighbors."""
 
@@ -654,8 +733,9 @@ class TrustTuning(Constants):
         0.3, 'px^0.5', 'Root of the distance of the neighbors above which a node contradicts '
         'them.', unexplained('.09 px: most planes of real surfaces agree better (9662ae5).'))
     discord_variance: float = constant(
-        0.25, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
-        unexplained('.5 px: a vaguer plane contradicts by its noise.'))
+        1.0, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
+        chosen('Was .25, when variances did not know how badly planes fit. A vaguer plane '
+               'contradicts by its noise.'))
     discord_share: float = constant(
         0.65, '1', 'Share of contradicting nodes above which matches are chance.',
         chosen('Some planes of real surfaces contradict their neighbors, too. Density of noise '
@@ -725,6 +805,8 @@ class Tuning(Constants):
     rows: RowTuning = RowTuning()
     unlike: UnlikeTuning = UnlikeTuning()
     planes: PlaneTuning = PlaneTuning()
+    bends: BendTuning = BendTuning()
+    quality: QualityTuning = QualityTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
     repetition: RepetitionTuning = RepetitionTuning()
@@ -785,6 +867,10 @@ def slow(radius):
             'Slow colors show no rows: what remains are depth edges, where the views differ.')),
         'planes.noise_correlation': Change(noise_correlation(radius), derived(
             'See `noise_correlation`; z-scores 7 to 8 -> 1.0 to 1.6 (358af77).')),
+        'bends.rounds': Change(0, chosen(
+            'Averaged colors say too little of the place for second differences.')),
+        'quality.pull_gain': Change(0.0, derived(
+            'Averaged colors share their noise: pulls of neighbors agree without any error.')),
         'neighbors.inertia': Change(0.5, chosen(
             'Slow colors fit many planes nearly as well. The favor of the first version was kept '
             '(c1b4124).')),
