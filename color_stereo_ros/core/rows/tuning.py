@@ -97,9 +97,12 @@ class UseTuning(Constants):
     chance: float = constant(
         0.18, 'px', 'Scatter of the cells around the model from which matches are chance.',
         chosen('Two scenes .19 to .28 px, JPEG of quality 60 .17 px.'))
+    doubted: float = constant(
+        5.0, '1', 'Median misfit of cells above which such matches lose log-odds.',
+        chosen('JPEG of quality 40 has 3.1 and right ranges, two scenes 9 to 18.'))
     doubt: float = constant(
         2.0, '1', 'Log-odds that all nodes lose where the views do not agree, per doubling of '
-        'the misfit above `poor`.',
+        'the misfit above `doubted`.',
         chosen('Two scenes: 3 % of the pixels had chance ranges of confidence above .9.'))
     largest_doubt: float = constant(
         6.0, '1', 'Largest such loss.', unexplained('Leaves no range of a usual node.'))

@@ -123,7 +123,7 @@ def doubt(alignment):
     use = TUNING.use
     if alignment.agreeing or not alignment.scatter > use.chance or math.isinf(alignment.misfit):
         return 0.0
-    return min(use.doubt * math.log2(max(alignment.misfit / use.poor, 1.0)), use.largest_doubt)
+    return min(use.doubt * math.log2(max(alignment.misfit / use.doubted, 1.0)), use.largest_doubt)
 
 
 def settled(prior, found):

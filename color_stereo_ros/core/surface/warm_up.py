@@ -46,6 +46,7 @@ def start_helper():
 
 def main():
     """Fit planes, then go through the other stages of the surface method, the last ones first."""
+    from ..rows.alignment import Alignment
     from ..settings import Settings
     from ..triangulation import disparity_limits
     from .method import SurfaceMethod
@@ -60,6 +61,7 @@ def main():
     solver.fit(solver.linearized, views, planes, pair, tiles, 0)
     verdict = method.trust.judge(views, planes, method.coarse.seeds)
     measured_pixels(planes, verdict, method.geometry, method.limits, method.trust.least_odds)
+    method.rows.measure(views, planes, pair, Alignment.unknown(SIZE))
     propagate_planes(views, planes, pair, tiles, 1, method.tuning.neighbors)
     solver.linearize(views, planes, pair, tiles)
     planes.seed(method.coarse.search(views))
