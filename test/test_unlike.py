@@ -161,7 +161,8 @@ def test_hot_pixels_are_replaced_and_nothing_else():
     hot[spots] = 255
     assert has_hot_pixels(hot, TUNING.raw)
     mended = without_hot_pixels(hot, TUNING.raw).astype(int)
-    assert np.percentile(np.abs(mended - image)[spots], 99) < 40
+    alone = spots & (cv2.boxFilter(spots.astype(np.float32), -1, (7, 7), normalize=False) < 1.5)
+    assert np.abs(mended - image)[alone].max() < 40
     touched = cv2.dilate((hot != image).any(axis=2).astype(np.uint8), np.ones((3, 3)))
     np.testing.assert_array_equal(mended[touched == 0], image[touched == 0])
 

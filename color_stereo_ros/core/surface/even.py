@@ -9,6 +9,7 @@ import numpy as np
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .unlike import GAUGES, LINEAR, polynomial, QUADRATIC, Regression, sampled, Unlikeness
 
+COLORS = 'gain', 'gamma', 'matrix'
 ROOT3 = F4(np.sqrt(3.0))
 
 
@@ -119,8 +120,8 @@ class Evening:
         blurred = amount > share * tuning.least_blur and fit.certain('blur') > tuning.certain
         strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
         least = tuning.least_gain, tuning.least_gamma, tuning.least_matrix
-        recolored = any(each > share * limit and fit.certain(name) > tuning.certain for each, limit, name
-                        in zip(strength, least, ('gain', 'gamma', 'matrix')))
+        recolored = any(each > share * limit and fit.certain(name) > tuning.certain
+                        for each, limit, name in zip(strength, least, COLORS))
         banded = False
         if self.color:
             spread, ratio = fit.row_spread()

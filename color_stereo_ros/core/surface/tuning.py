@@ -347,7 +347,7 @@ class UnlikeTuning(Constants):
         0.5, '1', 'Share of the spread of the colors that the matches must explain.',
         chosen('Matches of chance explain nothing; the views are then left as they are.'))
     again_share: float = constant(
-        0.3, '1', 'Share of the least differences that count where some were evened out already.',
+        0.1, '1', 'Share of the least differences that count where some were evened out already.',
         chosen('What is measured anyway may be removed well.'))
     robust_std: float = constant(
         1.4826, '1', 'Standard deviation of a normal distribution over its median absolute '

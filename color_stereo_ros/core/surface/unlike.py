@@ -25,8 +25,10 @@ GAUGES /= np.linalg.norm(GAUGES, axis=1, keepdims=True)
 """Two log gains of (r, g, b) that chromaticities can tell; the third is brightness."""
 REACH = 4
 """Columns of the right view beside a place that are read."""
-LINEAR, QUADRATIC = 3, 6
-"""Terms of a polynomial over the image."""
+LINEAR = 3
+"""Terms of a linear polynomial over the image."""
+QUADRATIC = 6
+"""Terms of a quadratic one."""
 
 
 @dataclass(frozen=True, eq=False)
