@@ -65,6 +65,14 @@ class Evening:
             steps, share = self.tuning.next_steps, self.tuning.again_share
         return changed, size
 
+    def explains(self, views, planes):
+        """Return whether the matches explain enough of the colors to learn from them."""
+        tuning = self.tuning
+        samples = sampled(views, planes, *tuning.first_steps)
+        return samples.count >= tuning.least_samples and Regression(
+            samples, views, tuning, self.blur, self.color,
+            tuning.first_turns).explained >= tuning.least_explained
+
     def even_spread(self, views):
         """
         Give both views the same spread of colors where they differ widely, without any match.
