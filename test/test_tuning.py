@@ -45,10 +45,9 @@ GLOBALS = {
     'LARGEST',            # of int16
     'PATCH_ROWS', 'PATCH_COLUMNS', 'stack_sums',  # sizes that follow from the tuning
     'SIZE',               # of any small rig
-    'LUMA',               # ITU-R BT.601
+    'ROOT3', 'ROOT12',    # from the definition of chromaticity
     'RING', 'TENT',       # shapes of the neighbors that demosaicing mixes
     'GAUGES', 'REACH', 'LINEAR', 'QUADRATIC',  # from the model of unequal views
-    'ROBUST_STD',         # of the normal distribution
     'ESTIMATE',           # a word of the settings
     'wait', 'tries',      # counts that begin at 0
     'SUBPIXEL_CODES',     # names of modes

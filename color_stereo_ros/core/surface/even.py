@@ -9,6 +9,7 @@ import numpy as np
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .unlike import GAUGES, LINEAR, polynomial, QUADRATIC, Regression, sampled, Unlikeness
 
+COLORS = 'gain', 'gamma', 'matrix'
 ROOT3 = F4(np.sqrt(3.0))
 
 
@@ -54,15 +55,23 @@ class Evening:
 
         """
         changed, size = False, 0.0
-        steps = self.tuning.first_steps
+        steps, share = self.tuning.first_steps, 1.0
         for _ in range(self.tuning.repeats):
-            found = self.measure(views, planes, steps)
+            found = self.measure(views, planes, steps, share)
             if found is None:
                 break
             apply(found, views, self.softening, self.tuning)
             changed, size = True, max(size, found.size)
-            steps = self.tuning.next_steps
+            steps, share = self.tuning.next_steps, self.tuning.again_share
         return changed, size
+
+    def explains(self, views, planes):
+        """Return whether the matches explain enough of the colors to learn from them."""
+        tuning = self.tuning
+        samples = sampled(views, planes, *tuning.first_steps)
+        return samples.count >= tuning.least_samples and Regression(
+            samples, views, tuning, self.blur, self.color,
+            tuning.first_turns).explained >= tuning.least_explained
 
     def even_spread(self, views):
         """
@@ -94,8 +103,13 @@ class Evening:
             respread(views.left, np.linalg.inv(matrix), left_mean, right_mean)
         return True
 
-    def measure(self, views, planes, steps):
-        """Return the Unlikeness of the views, None where none shows or matches are too bad."""
+    def measure(self, views, planes, steps, share=1.0):
+        """
+        Return the Unlikeness of the views, None where none shows or the matches are too bad.
+
+        steps: rows and columns between the nodes; share: of the least differences that count.
+
+        """
         tuning = self.tuning
         samples = sampled(views, planes, *steps)
         if samples.count < tuning.least_samples:
@@ -111,11 +125,11 @@ class Evening:
         gamma = float(fit.value('gamma', 0, 1)[0])
         blurs, gains = over(fit, blur, LINEAR), over(fit, gain, QUADRATIC)
         amount = np.abs(blurs).mean(axis=1).max()
-        blurred = amount > tuning.least_blur and fit.certain('blur') > tuning.certain
+        blurred = amount > share * tuning.least_blur and fit.certain('blur') > tuning.certain
         strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
         least = tuning.least_gain, tuning.least_gamma, tuning.least_matrix
-        recolored = any(each > limit and fit.certain(name) > tuning.certain for each, limit, name
-                        in zip(strength, least, ('gain', 'gamma', 'matrix')))
+        recolored = any(each > share * limit and fit.certain(name) > tuning.certain
+                        for each, limit, name in zip(strength, least, COLORS))
         banded = False
         if self.color:
             spread, ratio = fit.row_spread()
@@ -123,7 +137,7 @@ class Evening:
         if not (blurred or recolored or banded):
             return None
         if first:  # something differs: look closely
-            return self.measure(views, planes, tuning.next_steps)
+            return self.measure(views, planes, tuning.next_steps, share)
         if blurred:
             # a loss of contrast looks like blur, and the other way round
             gamma, matrix, strength = 0.0, np.zeros_like(matrix), (strength[0], 0.0, 0.0)
@@ -322,7 +336,7 @@ def blurred(light, variance, axis, tuning):
     """Blur along an axis, 0: rows, by variances (h, w), nodes^2; between few levels of blur."""
     least, most = float(variance.min()), float(variance.max())
     levels = tuning.blur_levels
-    if most - least < tuning.even_blur * most:
+    if most - least <= tuning.even_blur * most:
         return gaussian(light, (most + least) / 2, axis, tuning)
     out = np.zeros_like(light)
     stepped = (variance - F4(least)) * F4(levels / (most - least))

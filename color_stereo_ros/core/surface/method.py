@@ -248,7 +248,7 @@ class SurfaceMethod:
 
         """
         if pair.scale > self.tuning.unlike.quiet_scale:
-            if self.evening.even_spread(views):
+            if not self.evening.explains(views, planes) and self.evening.even_spread(views):
                 pair = self.search_again(views, planes)
             for _ in range(self.tuning.unlike.searches + 1):
                 changed, size = self.evening.improve(views, planes)

@@ -5,9 +5,9 @@ import cv2
 import numpy as np
 
 from .grid_kernels import F4
+from .tuning import TUNING
 
-LUMA = np.array([0.299, 0.587, 0.114], F4)
-"""Weights of r, g and b in the luma of JPEG and of video (ITU-R BT.601)."""
+LUMA = np.array(TUNING.raw.luma, F4)
 RING = np.pad(np.zeros((3, 3), np.uint8), 1, constant_values=1)
 """The pixels two columns or two rows away: demosaicing spreads a pixel over one."""
 TENT = np.ones((3, 3), np.uint8)

@@ -59,6 +59,9 @@ class RawTuning(Constants):
         'chroma is subsampled.',
         chosen('Sensor images stay within .02, whatever their mosaic and blur. JPEG 4:2:0 of '
                'quality 30 to 95: .6 to 1.7; YUV 4:2:2: .25.'))
+    luma: tuple = constant(
+        (0.299, 0.587, 0.114), '1', 'Weights of r, g and b in the luma of JPEG and of video.',
+        derived('ITU-R BT.601.'))
     luma_surroundings: float = constant(
         2.5, 'px', 'Standard deviation of the surroundings whose brightness luma is divided by.',
         chosen('JPEG 60, nut: density .80 -> .89; 2 px: .88, 8 px: .85. Printed: .63 -> .94.'))
@@ -310,9 +313,9 @@ class UnlikeTuning(Constants):
         True, '1', 'Measure unequal colors over the image (`matching.color_matching`).',
         derived('Steep colors tell color and place apart.'))
     quiet_scale: float = constant(
-        0.35, '1', 'Scale of the noise (`PairModel.scale`) up to which nothing is looked for.',
-        chosen('Clean pairs have .2 to .3; a blur of sigma 2 px has 27, bands of +-20 % 1.2. Saves '
-               '.001 to .002 s.'))
+        0.35, '1', 'Noise scale (`PairModel.scale`) up to which no difference is looked for.',
+        chosen('Clean pairs have .2 to .3; a blur of sigma 2 px has 27, bands of +-20 % have 1.2. '
+               'Saves .001 to .002 s.'))
     first_steps: tuple = constant(
         (16, 4), 'nodes', 'Rows and columns between the nodes of the first look.',
         chosen('1200 nodes are left at 640 x 480, .001 s.'))
@@ -343,6 +346,12 @@ class UnlikeTuning(Constants):
     least_explained: float = constant(
         0.5, '1', 'Share of the spread of the colors that the matches must explain.',
         chosen('Matches of chance explain nothing; the views are then left as they are.'))
+    again_share: float = constant(
+        0.1, '1', 'Share of the least differences that count where some were evened out already.',
+        chosen('What is measured anyway may be removed well.'))
+    robust_std: float = constant(
+        1.4826, '1', 'Standard deviation of a normal distribution over its median absolute '
+        'deviation.', derived('1 over the third quartile of the normal distribution.'))
     repeats: int = constant(
         4, '1', 'Looks at the same matches.',
         chosen('A sigma of 3 px is found to .6 px^2 after four, to 3 px^2 after two.'))

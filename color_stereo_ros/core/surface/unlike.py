@@ -20,14 +20,15 @@ from .tuning import TUNING
 
 LEAST_FORESHORTENING = F4(TUNING.pair.least_foreshortening)
 ROOT3 = F4(np.sqrt(3.0))
-GAUGES = (np.array([[2.0, -1.0, -1.0], [0.0, 1.0, -1.0]]) / np.sqrt([[6.0], [2.0]])).astype(F4)
+GAUGES = np.array([[2.0, -1.0, -1.0], [0.0, 1.0, -1.0]], F4)
+GAUGES /= np.linalg.norm(GAUGES, axis=1, keepdims=True)
 """Two log gains of (r, g, b) that chromaticities can tell; the third is brightness."""
 REACH = 4
 """Columns of the right view beside a place that are read."""
-LINEAR, QUADRATIC = 3, 6
-"""Terms of a polynomial over the image."""
-ROBUST_STD = F4(1.4826)
-"""Standard deviation of a normal distribution over its median absolute deviation."""
+LINEAR = 3
+"""Terms of a linear polynomial over the image."""
+QUADRATIC = 6
+"""Terms of a quadratic one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +253,7 @@ class Regression:
                                      error[0] * across[0] + error[1] * across[1]])
         rest = self.error
         for _ in range(turns):
-            scale = max(F4(np.median(np.abs(rest[count:]))) * ROBUST_STD,
+            scale = max(F4(np.median(np.abs(rest[count:]))) * F4(self.tuning.robust_std),
                         F4(self.tuning.least_scale))
             inverse = np.concatenate([1 / (scale * scale + self.place_variance),
                                       np.full(count, 1 / (scale * scale), F4)])
@@ -269,7 +270,7 @@ class Regression:
         self.std = np.sqrt(np.diag(covariance))
         left = error + self.samples.color
         spread = np.abs(left - left.mean(axis=1, keepdims=True)).mean()
-        noise = np.median(np.abs(rest[count:])) * ROBUST_STD
+        noise = np.median(np.abs(rest[count:])) * F4(self.tuning.robust_std)
         self.explained = 1 - noise / max(spread, F4(self.tuning.least_scale))
 
     def value(self, name, first, terms):
@@ -345,7 +346,8 @@ class Regression:
         for each in self.gauged:
             part = np.concatenate([(each * along).sum(axis=0), (each * across).sum(axis=0)])
             weight = np.bincount(row, self.weight * part * part)
-            gain = np.bincount(row, self.weight * part * self.rest) / np.maximum(weight, self.tuning.least_row_weight)
+            gain = (np.bincount(row, self.weight * part * self.rest)
+                    / np.maximum(weight, self.tuning.least_row_weight))
             sure = weight > self.tuning.least_row_weight
             squares += (gain[sure] ** 2 * weight[sure]).sum()
             sums += (gain[sure] ** 2 - 1 / weight[sure]).sum()
