@@ -15,6 +15,7 @@ from color_stereo_ros.core.surface.gains import gains_of
 from color_stereo_ros.core.surface.grid import framed_area, whole
 from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.tuning import changed, slow, TUNING
+import cv2
 import numba
 import numpy as np
 import pytest
@@ -252,6 +253,52 @@ def test_errors_are_as_large_as_the_standard_deviation_says(kind, effort, figure
         assert np.isfinite(ratios[-1]).mean() > 0.9
     figures(f'surface: {kind}, median of |error| / standard deviation', np.nanmedian(ratios),
             '(normal: 0.67)', over=seeds, at_least=0.2, at_most=1.2)
+
+
+def waves(bend, length=80.0):
+    """Return a disparity whose largest second difference over 12 px is bend, float64 (H, W)."""
+    column = np.arange(WIDTH)
+    height = bend / (2 - 2 * np.cos(2 * np.pi * 6 / length))
+    return np.broadcast_to(20 + height * np.sin(2 * np.pi * column / length), (HEIGHT, WIDTH))
+
+
+@pytest.mark.parametrize('bend', [0.2, 0.5])
+def test_surfaces_that_bend_are_found_with_an_honest_deviation(stereo, bend, effort, figures):
+    """The tops of waves, where planes of wide windows are off by .15 to .4 px."""
+    truth = waves(bend)
+    second = np.abs(np.roll(truth, 6, 1) + np.roll(truth, -6, 1) - 2 * truth)
+    tops = seen_by_both(truth, 20) & (second > 0.7 * bend)
+    seeds, found, ratios = effort.seeds(2, 50), [], []
+    for seed in seeds:
+        result = stereo.process(*pair_of(truth, seed=seed + 1))
+        error = np.abs(result.disparity - truth)[tops]
+        found.append(error)
+        ratios.append(error / result.disparity_std[tops])
+    assert np.isfinite(found).mean() > 0.98
+    figures(f'surface: bends of {bend} px over 12 px, median error', np.nanmedian(found), 'px',
+            over=seeds, at_most=0.08)
+    figures(f'surface: bends of {bend} px over 12 px, 68 % of |error| / standard deviation',
+            np.nanpercentile(ratios, 68), '(1 is honest)', over=seeds, at_least=0.5,
+            at_most=1.4)
+
+
+@pytest.mark.parametrize('rows', [0.0, 0.25, 0.5])
+def test_the_deviation_counts_rows_that_are_off(stereo, rows, effort, figures):
+    """The rows of the right image lie lower than the calibration says, px."""
+    truth = plane(WIDTH, HEIGHT, 20.3, 0.1, 0.05)
+    light = [photographed(shift) for shift in (-truth, np.zeros(truth.shape))]
+    lower = np.array([[1.0, 0, 0], [0, 1, rows]])
+    light[1] = np.clip(cv2.warpAffine(light[1], lower, (WIDTH, HEIGHT), flags=cv2.INTER_CUBIC,
+                                      borderMode=cv2.BORDER_REPLICATE), 0, 1)
+    seeds, ratios = effort.seeds(2, 50), []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        result = stereo.process(*(exposed(each, rng) for each in light))
+        ratios.append(np.abs(result.disparity - truth)[seen_by_both(truth)]
+                      / result.disparity_std[seen_by_both(truth)])
+    figures(f'surface: rows off by {rows} px, 68 % of |error| / standard deviation',
+            np.nanpercentile(ratios, 68), '(1 is honest)', over=seeds, at_least=0.7,
+            at_most=1.4)
 
 
 def test_confident_ranges_beside_steps_are_right_and_doubtful_ones_more_often_wrong(
