@@ -23,6 +23,11 @@ class Seeds:
     """Nodes of the half grid per coarse node, in rows and in columns."""
     clear_share: np.ndarray
     """float32 (h, w), share of the nodes around with one clear minimum; None: no repetitions."""
+    offset: float = -0.5
+    """
+    Added to the disparities, px. Right coarse nodes are averages of columns that lie half a pixel
+    further right.
+    """
 
 
 class CoarseSearch:

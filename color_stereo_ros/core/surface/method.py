@@ -29,6 +29,7 @@ import numpy as np
 
 from ..compiled import Arena
 from ..patterns.expectation import Expectation
+from .brightness import BrightnessCarrier, is_gray
 from .coarse import CoarseSearch
 from .grid import HalfGrid
 from .grid_kernels import F4
@@ -36,6 +37,7 @@ from .neighbors import propagate_planes, rough_tiles
 from .pair_model import color_matrix, PairModel
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
+from .texture import TextureSearch
 from .trust import Trust
 from .tuning import tuning_for
 from .views import Views
@@ -71,6 +73,9 @@ class SurfaceMethod:
         self.views = Views(calibration, grid, settings, tuning.views, rectified_input, arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
+        self.texture = TextureSearch(grid, limits, tuning.brightness)
+        self.brightness = BrightnessCarrier(self.views, tuning, arena)
+        self.knows_colors = Expectation.of(settings.pattern).aperiodic
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
@@ -99,7 +104,7 @@ class SurfaceMethod:
         """
         views = self.views.load(left, right)
         clock.lap('colors', views)
-        seeds = self.coarse.search(views)
+        seeds = self.seeds(views, is_gray(left) and is_gray(right))
         clock.lap('coarse', seeds)
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
         if self.settings.matching.refinements:
@@ -113,6 +118,32 @@ class SurfaceMethod:
                                       self.trust.least_odds)
         clock.lap('expand', measurement)
         return measurement
+
+    def seeds(self, views, gray):
+        """
+        Return the seeds of a pair, and decide which carriers count in it.
+
+        Parameters
+        ----------
+        views : Views
+        gray : bool
+            Neither image has any color.
+
+        Returns
+        -------
+        seeds : Seeds
+
+        """
+        self.brightness.active = False
+        if gray:
+            seeds = self.texture.search(views, gray)
+            self.brightness.replace_colors(views)
+            return seeds
+        if self.knows_colors:
+            return self.coarse.search(views)
+        seeds = self.texture.search(views, gray)
+        self.brightness.load(views)
+        return seeds
 
     def fit_seeds(self, views, planes, pair, clock):
         """
@@ -135,13 +166,21 @@ class SurfaceMethod:
 
         """
         solver = self.least_squares
-        linearized = solver.linearize(views, planes, pair, planes.tiles)
+        linearized = self.linearize(views, planes, pair, planes.tiles)
         solver.fit(linearized, views, planes, pair, planes.tiles, turn=0)
         clock.lap('fit 1', planes)
-        solver.linearize(views, planes, pair, planes.tiles)
+        self.linearize(views, planes, pair, planes.tiles, fold=False)
         pair = pair.measured(views, planes, self.match_colors, self.tuning)
+        self.brightness.measure(views)
         clock.lap('compare 1', pair)
         return pair
+
+    def linearize(self, views, planes, pair, tiles, fold=True):
+        """Compare the nodes of some tiles in all carriers; see `LeastSquares.linearize`."""
+        solver = self.least_squares
+        linearized = solver.linearize(views, planes, pair, tiles)
+        self.brightness.add(linearized, views, planes, tiles, solver.reference, fold)
+        return linearized
 
     def refine(self, turn, views, planes, pair, clock):
         """
@@ -163,16 +202,17 @@ class SurfaceMethod:
         solver, edges = self.least_squares, planes.tiles
         if self.settings.matching.propagation:
             edges = rough_tiles(views, planes, solver.smooth_steps[-1])
-            propagate_planes(views, planes, pair, edges, turn, self.tuning.neighbors)
+            propagate_planes(views, planes, pair, edges, turn, self.tuning.neighbors,
+                             self.brightness)
             clock.lap(f'propagate {turn}', planes)
         # colors and noise are known better after the first round: everything is fitted anew
         fitted = planes.tiles if turn < self.tuning.planes.full_rounds else edges
-        linearized = solver.linearize(views, planes, pair, fitted)
+        linearized = self.linearize(views, planes, pair, fitted)
         narrow = solver.fit(linearized, views, planes, pair, fitted, turn)
         clock.lap(f'fit {turn + 1}', planes)
         # only tiles near depth edges: the misfit of all others, which the trust reads, and their
         # linearized nodes stay those of the planes before this fit
-        linearized = solver.linearize(views, planes, pair, edges)
+        linearized = self.linearize(views, planes, pair, edges)
         clock.lap(f'compare {turn + 1}', pair)
         # the misfit of polished tiles is likewise that before they are polished
         solver.polish(linearized, views, planes, pair, narrow)

@@ -100,9 +100,8 @@ class PlaneField:
         for plane, nothing in zip(self._planes, (np.nan, 0, 0)):
             plane[rows:] = nothing
             plane[:, columns:] = nothing
-        # right coarse nodes are averages of columns that lie half a pixel further right
-        seed_planes(seeds.disparity, seeds.factor, F4(-0.5), *self.grid.nodes, self.d, self.a,
-                    self.b)
+        seed_planes(seeds.disparity, seeds.factor, F4(seeds.offset), *self.grid.nodes, self.d,
+                    self.a, self.b)
         self.cost.fill(1.0)
         self.variance.fill(self.seed_variance)
         return self

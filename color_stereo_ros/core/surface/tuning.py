@@ -296,6 +296,47 @@ class PlaneTuning(Constants):
 
 
 @dataclass(frozen=True)
+class BrightnessTuning(Constants):
+    """Brightness against its surroundings as a third carrier, and the search that it needs."""
+
+    radius: int = constant(
+        4, 'nodes', 'Radius of the surroundings that the brightness of a node is compared with.',
+        unexplained('Wider than print and dots, narrower than gloss.'))
+    offset: float = constant(
+        12.0, 'DN', 'Added to the brightness before its logarithm.',
+        unexplained('As `coarse.texture_offset`.'))
+    misfit_cap: float = constant(
+        12.0, '1', 'Largest misfit of brightness beside that of colors.',
+        unexplained('Where brightness lies, it makes a node doubtful, not hopeless.'),
+        compiled=True)
+    quartile: float = constant(
+        0.1015, '1', 'First quartile of the misfit of brightness where planes are right.',
+        derived('First quartile of chi-square with one degree of freedom.'))
+    surroundings: int = constant(
+        41, 'nodes', 'Width of the surroundings that evens out light before the search.',
+        chosen('Gloss of 30 % over 100 px: seeds right .53 -> .81; 9 and 21 lose up to .02 of '
+               'textured pairs, 41 hardly any.'))
+    level: float = constant(
+        70.0, 'DN', 'Level of each channel in the images that are searched.',
+        unexplained('Three times as bright places are not cut off.'))
+    block: int = constant(
+        5, 'nodes', 'Width of the windows of the search.',
+        chosen('3: within .005 on sixteen pairs.'))
+    penalties: tuple = constant(
+        (8, 32), 'per channel and node of a window', 'Penalties of a step of one node and of a '
+        'larger step (P1, P2 of StereoSGBM).', derived("OpenCV's recommendation."))
+    gradient_cap: int = constant(
+        31, 'DN', 'Largest gradient that counts (preFilterCap of StereoSGBM).',
+        unexplained('Lies between the defaults of the two matchers of OpenCV.'))
+    agreement: int = constant(
+        1, 'nodes', 'Largest difference of the matches left to right and right to left.',
+        unexplained('As in the evaluation of OpenCV\'s matchers.'))
+    seed_std: float = constant(
+        0.7, 'px', 'Standard deviation of a seed of this search.',
+        unexplained('A quarter of a node of 2 px, and its smoothness.'))
+
+
+@dataclass(frozen=True)
 class NeighborTuning(Constants):
     """Nodes near depth edges try the planes of their neighbors."""
 
@@ -479,6 +520,7 @@ class Tuning(Constants):
     coarse: CoarseTuning = CoarseTuning()
     pair: PairTuning = PairTuning()
     planes: PlaneTuning = PlaneTuning()
+    brightness: BrightnessTuning = BrightnessTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
     repetition: RepetitionTuning = RepetitionTuning()
