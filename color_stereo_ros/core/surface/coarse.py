@@ -9,7 +9,8 @@ import numpy as np
 
 from ..compiled import BANDS
 from ..triangulation import search_interval
-from .coarse_kernels import add_turned, cost_volume, reduce_colors, sgm_paths, winners
+from .coarse_kernels import (
+    add_turned, cost_volume, count_rivals, reduce_colors, sgm_paths, winners)
 from .grid_kernels import F4, PAD
 
 
@@ -28,6 +29,10 @@ class Seeds:
     Added to the disparities, px. Right coarse nodes are averages of columns that lie half a pixel
     further right.
     """
+    std: float = 0.0
+    """Standard deviation of the disparities that planes may rely on, px; 0: not at all."""
+    period_odds: np.ndarray = None
+    """float32 (h, w) of the coarse grid, log-odds of the right period; None: not in doubt."""
 
 
 class CoarseSearch:
@@ -66,6 +71,8 @@ class CoarseSearch:
         self.penalties = [np.int16(round(smoothness * penalty))
                           for penalty in (coarse.small_step, coarse.large_step)]
         self.least_gap = round(tuning.repetition.least_gap * coarse.large_step)
+        self.repetition = tuning.repetition
+        self.rivals = np.zeros((BANDS, 2), np.int64)
         self.region = 2 * (tuning.repetition.surroundings,)
         self.scale, self.full_trust = F4(coarse.color_scale), F4(coarse.full_trust)
         self.texture = F4(coarse.color_scale * (coarse.texture * matching.texture))
@@ -112,6 +119,41 @@ class CoarseSearch:
         if self.least_gap > 0:
             cv2.blur(self.clear, self.region, dst=self.clear_share)
         return self.seeds
+
+    def rival_share(self):
+        """Return the share of the lit nodes of this pair that match well at two places."""
+        tuning = self.repetition
+        count_rivals(self.upright.total, self.upright.left[3], np.int16(16),
+                     round(tuning.noticed_gap * self.tuning.large_step), tuning.noticed_step,
+                     self.rivals)
+        lit, found = self.rivals.sum(axis=0)
+        return float(found / lit) if lit else 0.0
+
+    def period_odds(self, found):
+        """
+        Return the log-odds that the matches of this pair have the right period, float32 (h, w).
+
+        They rise with the share of clear nodes around, and where another search agrees.
+
+        Parameters
+        ----------
+        found : Seeds
+            Of the half grid, on the same pair.
+
+        """
+        tuning = self.repetition
+        gap = self.least_gap or self.tuning.large_step
+        winners(self.upright.total, self.first, gap, self.disparity, self.clear, self.best)
+        clear = cv2.blur(self.clear, self.region)
+        h, w = self.disparity.shape
+        ours = (F4(2 * self.factor) * self.disparity - F4(0.5))
+        theirs = F4(2) * found.disparity[self.factor // 2::self.factor,
+                                         self.factor // 2::self.factor][:h, :w]
+        agree = (np.abs(ours - theirs) < F4(2 * self.factor * tuning.agreement)).astype(F4)
+        agree = cv2.blur(agree, 2 * (tuning.agreement_surroundings,))
+        both, apart = (np.interp(clear, tuning.clear_shares, odds)
+                       for odds in (tuning.agreed_odds, tuning.contested_odds))
+        return (apart + agree * (both - apart)).astype(F4)
 
     def aggregate(self):
         """

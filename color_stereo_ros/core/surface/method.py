@@ -25,6 +25,8 @@ what it changes in place. `grid_kernels` explains the half grid.
 
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..compiled import Arena
@@ -37,7 +39,7 @@ from .neighbors import propagate_planes, rough_tiles
 from .pair_model import color_matrix, PairModel
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
-from .texture import TextureSearch
+from .texture import rely_on_seeds, TextureSearch
 from .trust import Trust
 from .tuning import tuning_for
 from .views import Views
@@ -75,7 +77,8 @@ class SurfaceMethod:
                                    arena)
         self.texture = TextureSearch(grid, limits, tuning.brightness)
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
-        self.knows_colors = Expectation.of(settings.pattern).aperiodic
+        self.expectation = Expectation.of(settings.pattern)
+        self.in_force = tuning
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
@@ -112,6 +115,8 @@ class SurfaceMethod:
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
         self.least_squares.correct_variance(planes)
+        if seeds.std:
+            rely_on_seeds(planes, seeds, self.in_force.trust.vague_std)
         verdict = self.trust.judge(views, planes, seeds)
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
@@ -134,16 +139,29 @@ class SurfaceMethod:
         seeds : Seeds
 
         """
-        self.brightness.active = False
+        self.brightness.active, self.rival_share = False, 0.0
+        self.suit(self.tuning)
         if gray:
             seeds = self.texture.search(views, gray)
             self.brightness.replace_colors(views)
             return seeds
-        if self.knows_colors:
-            return self.coarse.search(views)
-        seeds = self.texture.search(views, gray)
+        coarse = self.coarse.search(views)
+        if self.expectation.aperiodic:
+            self.rival_share = self.coarse.rival_share()
+            if self.rival_share < self.tuning.repetition.noticed_share:
+                return coarse
         self.brightness.load(views)
+        seeds = self.texture.search(views, gray)
+        if self.expectation.aperiodic or self.expectation.repeats:
+            seeds = replace(seeds, period_odds=self.coarse.period_odds(seeds))
         return seeds
+
+    def suit(self, tuning):
+        """Fit and judge by the constants of a Tuning from here on."""
+        if tuning is not self.in_force:
+            self.least_squares.suit(tuning.planes)
+            self.trust.suit(tuning)
+            self.in_force = tuning
 
     def fit_seeds(self, views, planes, pair, clock):
         """
@@ -202,11 +220,11 @@ class SurfaceMethod:
         solver, edges = self.least_squares, planes.tiles
         if self.settings.matching.propagation:
             edges = rough_tiles(views, planes, solver.smooth_steps[-1])
-            propagate_planes(views, planes, pair, edges, turn, self.tuning.neighbors,
+            propagate_planes(views, planes, pair, edges, turn, self.in_force.neighbors,
                              self.brightness)
             clock.lap(f'propagate {turn}', planes)
         # colors and noise are known better after the first round: everything is fitted anew
-        fitted = planes.tiles if turn < self.tuning.planes.full_rounds else edges
+        fitted = planes.tiles if turn < self.in_force.planes.full_rounds else edges
         linearized = self.linearize(views, planes, pair, fitted)
         narrow = solver.fit(linearized, views, planes, pair, fitted, turn)
         clock.lap(f'fit {turn + 1}', planes)

@@ -182,9 +182,14 @@ class LeastSquares:
 
     def __init__(self, grid, limits, settings, tuning, arena):
         """Allocate the linearized nodes."""
-        self.tuning = tuning
         self.linearized = Linearized(*(arena.zeros(grid.shape, F4) for _ in range(2)))
         self.reference = F4(np.mean(limits))
+        self.settings = settings
+        self.suit(tuning)
+
+    def suit(self, tuning):
+        """Fit by the constants of a PlaneTuning from here on."""
+        self.tuning, settings = tuning, self.settings
         self.robust_misfit, self.steepest = F4(tuning.robust_misfit), F4(tuning.steepest)
         self.ridge = F4(tuning.ridge if settings.slanted else tuning.rigid_ridge)
         self.gates = np.array(tuning.gates, F4)

@@ -70,7 +70,7 @@ class TextureSearch:
         raw = raw[:, self.left_at:self.left_at + self.grid.columns]
         found = raw.astype(F4) * F4(1 / 16) + F4(self.first)
         found[raw < 0] = np.nan
-        return Seeds(found, 1, None, 0.0)
+        return Seeds(found, 1, None, 0.0, self.tuning.seed_std)
 
     def image(self, view, channels):
         """Return the colors of a view on the half grid, uint8 (rows, columns, channels)."""
@@ -87,3 +87,32 @@ class TextureSearch:
         """Return an image with its borders repeated, so that no place lacks disparities."""
         after = self.width - at - image.shape[1]
         return cv2.copyMakeBorder(image, 0, 0, at, after, cv2.BORDER_REPLICATE)
+
+
+def rely_on_seeds(planes, seeds, vague_std):
+    """
+    Combine the planes with what the search has found, by their variances.
+
+    A search knows smoothness: it is right within a pixel where the colors around a node are too
+    uniform for least squares. Writes planes.d and variance.
+
+    Parameters
+    ----------
+    planes : PlaneField
+    seeds : Seeds
+        Of the half grid.
+    vague_std : float
+        Standard deviation from which a plane tells nothing, px.
+
+    """
+    inner = planes.grid.inner
+    d, variance = planes.d[inner], planes.variance[inner]
+    found = F4(2) * seeds.disparity + F4(seeds.offset)
+    own = F4(seeds.std ** 2)
+    known = np.isfinite(found) & np.isfinite(d)
+    vague = known & ~(variance < F4(vague_std ** 2))
+    near = known & ~vague & (np.abs(found - d) < F4(2))
+    variance[vague], d[vague] = own, found[vague]
+    share = variance[near] / (variance[near] + own)
+    d[near] += share * (found[near] - d[near])
+    variance[near] *= F4(1) - share

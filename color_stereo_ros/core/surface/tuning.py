@@ -332,7 +332,7 @@ class BrightnessTuning(Constants):
         1, 'nodes', 'Largest difference of the matches left to right and right to left.',
         unexplained('As in the evaluation of OpenCV\'s matchers.'))
     seed_std: float = constant(
-        0.7, 'px', 'Standard deviation of a seed of this search.',
+        0.6, 'px', 'Standard deviation of a seed of this search.',
         unexplained('A quarter of a node of 2 px, and its smoothness.'))
 
 
@@ -490,6 +490,29 @@ class RepetitionTuning(Constants):
     odds: tuple = constant(
         PERIOD['odds'], '1', 'Log-odds that the period is right at these shares.',
         PERIOD.provenance('odds'))
+    noticed_gap: float = constant(
+        2.0, 'large steps', 'As `least_gap`, to notice that colors match at several places.',
+        chosen('Default pattern: at most .085 of the nodes; unlit or repeating colors: .23 and '
+               'more, on thirty pairs.'))
+    noticed_share: float = constant(
+        0.15, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
+        'images show.', chosen('Between these figures.'))
+    noticed_step: int = constant(
+        2, 'coarse nodes', 'Distance of the nodes that are asked for that.',
+        unexplained('A share needs no more.'))
+    agreement: float = constant(
+        1.0, 'coarse nodes', 'Difference of two searches up to which they agree.',
+        unexplained('A period is longer.'))
+    agreement_surroundings: int = constant(
+        5, 'coarse nodes', 'Width of the surroundings in which agreement is counted.',
+        unexplained('Smooths the borders of patches that agree.'))
+    agreed_odds: tuple = constant(
+        (0.9, 0.9, 1.1, 1.3, 2.0, 3.0, 5.0, 14.0), '1', 'As `odds`, where two searches agree.',
+        chosen('Right at these shares on seventeen pairs: .93 .85 .87 .94 .95 .98 1; lower, since '
+               'bare walls under 32 periods are right at half of the places.'))
+    contested_odds: tuple = constant(
+        (0.45, 0.45, 0.45, 0.45, 0.45, 0.6, 2.0, 14.0), '1', 'The same where they do not.',
+        chosen('Right: .81 .71 .64 .57 .51 .85 on the same pairs.'))
     reasons: tuple = constant(
         ('NO_MATCH', 'INCONSISTENT', 'OUT_OF_RANGE', 'IMPLAUSIBLE'), 'Status', 'Reasons that a '
         'wrong period gives; they become AMBIGUOUS where the period is in doubt.',
