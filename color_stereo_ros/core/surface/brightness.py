@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 
 from .grid_kernels import F4, SILENT_VARIANCE
-from .texture_kernels import linearize_brightness
+from .texture_kernels import add_seeds, linearize_brightness
 
 GRAY_DIFFERENCE = 2  # DN
 LIT = 16             # DN
@@ -40,7 +40,21 @@ class BrightnessCarrier:
         self.misfit = arena.full(views.left.s.shape, np.nan, F4)
         self.nothing = np.zeros((0, 0), F4)
         self.shares = [None, None]
-        self.active, self.scale, self.discount = False, F4(1), F4(1)
+        self.seed = arena.full(views.left.s.shape, np.nan, F4)
+        window = (2 * tuning.planes.radius + 1) ** 2
+        self.seed_weight = F4(1 / (tuning.brightness.seed_std ** 2 * window))
+        self.seeded, self.active, self.scale = False, False, F4(1)
+
+    def rest(self):
+        """Let brightness count for nothing, as it does until a pair is loaded."""
+        self.active = self.seeded = False
+
+    def confirmed(self, planes):
+        """Return what the seeds add to the log-odds of the nodes, float32; None without seeds."""
+        if not self.seeded:
+            return None
+        inner, odds = planes.grid.inner, F4(self.tuning.agreement_odds)
+        return np.where(np.abs(self.seed[inner] - planes.d[inner]) < F4(1), odds, -odds)
 
     @property
     def arrays(self):
@@ -75,18 +89,37 @@ class BrightnessCarrier:
 
     def add(self, linearized, views, planes, tiles, reference, fold):
         """
-        Add the brightness of some tiles to their linearized colors.
+        Add the brightness and the seeds of some tiles to their linearized colors.
 
         Writes linearized and `misfit`; if fold, planes.misfit becomes that of all carriers.
 
         """
-        if not self.active:
-            return
+        if self.active:
+            self.add_brightness(linearized, views, planes, tiles, reference, fold)
+        if self.seeded:
+            add_seeds(self.seed, planes.d, tiles, F4(self.tuning.seed_gate), self.seed_weight,
+                      reference, linearized.weight, linearized.moment)
+
+    def add_brightness(self, linearized, views, planes, tiles, reference, fold):
+        """Add the brightness alone, see `add`."""
         (left, left_var), (right, right_var) = self.planes
         linearize_brightness(left, left_var, right, right_var, views.psf, planes.d, planes.a,
                              planes.b, tiles, self.robust_misfit, self.scale, reference,
-                             self.discount, fold, linearized.weight, linearized.moment,
+                             fold, linearized.weight, linearized.moment,
                              planes.misfit, self.misfit)
+
+    def rely_on(self, found, grid, quiet=None):
+        """
+        Let planes be held by the seeds of a search.
+
+        A search knows smoothness: it is right within a pixel where the colors around a node are
+        too uniform for least squares. quiet, bool (rows, columns): nodes that know nothing of it.
+
+        """
+        self.seed[grid.inner] = F4(2) * found.disparity + F4(found.offset)
+        if quiet is not None:
+            self.seed[grid.inner][quiet] = np.nan
+        self.seeded = True
 
     def measure(self, views):
         """Measure `scale` from the misfit of the brightness of the matches so far."""

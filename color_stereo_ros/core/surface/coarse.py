@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The coarse search of the surface method: semi-global, over all disparities, on few nodes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import cv2
@@ -29,8 +29,6 @@ class Seeds:
     Added to the disparities, px. Right coarse nodes are averages of columns that lie half a pixel
     further right.
     """
-    std: float = 0.0
-    """Standard deviation of the disparities that planes may rely on, px; 0: not at all."""
     period_odds: np.ndarray = None
     """float32 (h, w) of the coarse grid, log-odds of the right period; None: not in doubt."""
 
@@ -128,6 +126,24 @@ class CoarseSearch:
                      self.rivals)
         lit, found = self.rivals.sum(axis=0)
         return float(found / lit) if lit else 0.0
+
+    def under(self, found, quiet, planes):
+        """
+        Return seeds of the half grid, with those of this search where they are quiet.
+
+        Parameters
+        ----------
+        found : Seeds
+            Of the half grid.
+        quiet : numpy.ndarray, bool, shape (rows, columns)
+            Where fine detail says nothing.
+        planes : PlaneField
+            Is overwritten.
+
+        """
+        ours = planes.seed(self.seeds).d[planes.grid.inner]
+        quiet &= np.isfinite(ours)
+        return replace(found, disparity=np.where(quiet, F4(0.5) * ours, found.disparity))
 
     def period_odds(self, found):
         """

@@ -34,14 +34,14 @@ from ..patterns.expectation import Expectation
 from .brightness import BrightnessCarrier, is_gray
 from .coarse import CoarseSearch
 from .grid import HalfGrid
-from .grid_kernels import F4
+from .grid_kernels import F4, SILENT_VARIANCE
 from .neighbors import propagate_planes, rough_tiles
 from .pair_model import color_matrix, PairModel
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
-from .texture import rely_on_seeds, TextureSearch
+from .texture import detail, TextureSearch
 from .trust import Trust
-from .tuning import tuning_for
+from .tuning import tuning_for, without_slow
 from .views import Views
 
 
@@ -79,6 +79,7 @@ class SurfaceMethod:
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.expectation = Expectation.of(settings.pattern)
         self.in_force = tuning
+        self.detailed = without_slow(tuning)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
@@ -114,10 +115,9 @@ class SurfaceMethod:
             pair = self.fit_seeds(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
-        self.least_squares.correct_variance(planes)
-        if seeds.std:
-            rely_on_seeds(planes, seeds, self.in_force.trust.vague_std)
-        verdict = self.trust.judge(views, planes, seeds)
+        if not self.brightness.active:
+            self.least_squares.correct_variance(planes)
+        verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes))
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
                                       self.trust.least_odds)
@@ -139,21 +139,49 @@ class SurfaceMethod:
         seeds : Seeds
 
         """
-        self.brightness.active, self.rival_share = False, 0.0
+        brightness = self.brightness
+        brightness.rest()
+        self.rival_share = 0.0
         self.suit(self.tuning)
         if gray:
             seeds = self.texture.search(views, gray)
-            self.brightness.replace_colors(views)
+            brightness.replace_colors(views)
+            brightness.rely_on(seeds, views.grid)
             return seeds
-        coarse = self.coarse.search(views)
         if self.expectation.aperiodic:
+            coarse = self.coarse.search(views)
             self.rival_share = self.coarse.rival_share()
             if self.rival_share < self.tuning.repetition.noticed_share:
                 return coarse
-        self.brightness.load(views)
-        seeds = self.texture.search(views, gray)
+        brightness.load(views)
+        return self.detailed_seeds(views)
+
+    def detailed_seeds(self, views):
+        """
+        Return the seeds of the search for texture, and of the coarse search where there is none.
+
+        Without detail at most nodes brightness does not count. Slow colors are then averaged, and
+        otherwise fitted like others.
+
+        """
+        brightness, tuning = self.brightness, self.tuning.brightness
+        slow = self.tuning.views.averaging_radius > 0
+        quiet = detail(views, brightness, tuning, not slow) < F4(tuning.least_detail)
+        lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
+        detailed = lit.any() and np.mean(quiet[lit]) < 1 - tuning.detailed_share
+        if slow and detailed:
+            self.suit(self.detailed)
+        elif slow:
+            views.average()
+        coarse = self.coarse.seeds if self.expectation.aperiodic else self.coarse.search(views)
+        if not detailed:
+            brightness.rest()
+            return coarse
+        found = self.texture.search(views, False)
+        brightness.rely_on(found, views.grid, quiet)
+        seeds = self.coarse.under(found, quiet, self.planes)
         if self.expectation.aperiodic or self.expectation.repeats:
-            seeds = replace(seeds, period_odds=self.coarse.period_odds(seeds))
+            seeds = replace(seeds, period_odds=self.coarse.period_odds(found))
         return seeds
 
     def suit(self, tuning):

@@ -70,7 +70,7 @@ class TextureSearch:
         raw = raw[:, self.left_at:self.left_at + self.grid.columns]
         found = raw.astype(F4) * F4(1 / 16) + F4(self.first)
         found[raw < 0] = np.nan
-        return Seeds(found, 1, None, 0.0, self.tuning.seed_std)
+        return Seeds(found, 1, None, 0.0)
 
     def image(self, view, channels):
         """Return the colors of a view on the half grid, uint8 (rows, columns, channels)."""
@@ -89,30 +89,33 @@ class TextureSearch:
         return cv2.copyMakeBorder(image, 0, 0, at, after, cv2.BORDER_REPLICATE)
 
 
-def rely_on_seeds(planes, seeds, vague_std):
+def detail(views, brightness, tuning, colors):
     """
-    Combine the planes with what the search has found, by their variances.
-
-    A search knows smoothness: it is right within a pixel where the colors around a node are too
-    uniform for least squares. Writes planes.d and variance.
+    Return how much more than noise brightness and colors change around each node.
 
     Parameters
     ----------
-    planes : PlaneField
-    seeds : Seeds
-        Of the half grid.
-    vague_std : float
-        Standard deviation from which a plane tells nothing, px.
+    views : Views
+    brightness : BrightnessCarrier
+        Loaded.
+    tuning : BrightnessTuning
+    colors : bool
+        Ask the chromaticities, too.
+
+    Returns
+    -------
+    detail : numpy.ndarray, float32, shape (rows, columns)
+        Mean over the surroundings of the squared change to the next node over its variance; 1
+        on average where the noise of the camera model is all there is.
 
     """
-    inner = planes.grid.inner
-    d, variance = planes.d[inner], planes.variance[inner]
-    found = F4(2) * seeds.disparity + F4(seeds.offset)
-    own = F4(seeds.std ** 2)
-    known = np.isfinite(found) & np.isfinite(d)
-    vague = known & ~(variance < F4(vague_std ** 2))
-    near = known & ~vague & (np.abs(found - d) < F4(2))
-    variance[vague], d[vague] = own, found[vague]
-    share = variance[near] / (variance[near] + own)
-    d[near] += share * (found[near] - d[near])
-    variance[near] *= F4(1) - share
+    inner, left = views.grid.inner, views.left
+    planes = [tuple(plane[inner] for plane in brightness.planes[0])]
+    if colors:
+        planes += [(each[inner], left.variance[inner]) for each in (left.u, left.v)]
+    total = np.zeros(planes[0][0].shape, F4)
+    for plane, spread in planes:
+        change = plane[:, 1:] - plane[:, :-1]
+        total[:, 1:] += change * change / (spread[:, 1:] + spread[:, :-1])
+    size = 2 * tuning.detail_radius + 1
+    return cv2.blur(total, (size, size)) / F4(len(planes))

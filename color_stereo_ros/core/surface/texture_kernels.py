@@ -44,13 +44,11 @@ def local_colors(k, u, v, s, mean, row, column, step, offset, level, out):
 
 @banded(fastmath=FAST)
 def linearize_brightness(k, left_t, left_var, right_t, right_var, psf, d, a, b, tiles,
-                         robust_misfit, scale, reference, discount, fold, weight, moment, misfit,
-                         own_misfit):
+                         robust_misfit, scale, reference, fold, weight, moment, misfit, own_misfit):
     """
     Add the brightness of every node of some tiles to its linearized colors.
 
-    As `plane_kernels.linearize`, for one carrier. Colors are discounted: their weight and moment
-    are multiplied by `discount` first. own_misfit takes the misfit of the brightness alone, NaN
+    As `plane_kernels.linearize`, for one carrier. own_misfit takes the misfit of the brightness alone, NaN
     where it is unknown. If `fold`, misfit becomes that of all three carriers, scaled to an average
     of 2, in which brightness counts up to BRIGHTNESS_CAP.
 
@@ -101,8 +99,8 @@ def linearize_brightness(k, left_t, left_var, right_t, right_var, psf, d, a, b, 
                 w = w / (one + chi / robust_misfit)
                 strength = w * steep
                 pulled = strength * (dd[x] - reference) - w * slope * error
-                weights[x] = discount * out_weight[x] + (strength if informed else F4(0))
-                moments[x] = discount * out_moment[x] + (pulled if informed else F4(0))
+                weights[x] = out_weight[x] + (strength if informed else F4(0))
+                moments[x] = out_moment[x] + (pulled if informed else F4(0))
                 misfits[x] = chi if informed else NAN
                 folded = SHARE * (out_misfit[x] + min(chi, BRIGHTNESS_CAP))
                 sums[x] = folded if informed & fold else out_misfit[x]
@@ -111,6 +109,28 @@ def linearize_brightness(k, left_t, left_var, right_t, right_var, psf, d, a, b, 
                 out_moment[x] = moments[x]
                 out_misfit[x] = sums[x]
                 out_own[x] = misfits[x]
+
+
+@banded(fastmath=FAST)
+def add_seeds(k, seed, d, tiles, gate, seed_weight, reference, weight, moment):
+    """
+    Add what a search has found to the linearized nodes of some tiles.
+
+    A node of some weight whose seed (px, framed, NaN = none) lies within gate (px) of its
+    disparity asks for that seed, too, with seed_weight (px^-2).
+
+    """
+    first, last = band(k, tiles.shape[0])
+    for tile in range(first, last):
+        top, left = tiles[tile, 0], tiles[tile, 1]
+        for y in range(top, top + TILE_ROWS):
+            found, here = seed[y, left:left + TILE_COLUMNS], d[y, left:left + TILE_COLUMNS]
+            weights = weight[y, left:left + TILE_COLUMNS]
+            moments = moment[y, left:left + TILE_COLUMNS]
+            for x in range(TILE_COLUMNS):
+                near = (abs(found[x] - here[x]) < gate) & (weights[x] > F4(0))
+                moments[x] += seed_weight * (found[x] - reference) if near else F4(0)
+                weights[x] += seed_weight if near else F4(0)
 
 
 @part(fastmath=FAST)

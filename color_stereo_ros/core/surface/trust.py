@@ -80,7 +80,7 @@ class Trust:
         self.form[0, 0] += F4(self.tuning.odds_offset)
         self.robust_misfit = F4(tuning.planes.robust_misfit)
 
-    def judge(self, views, planes, seeds):
+    def judge(self, views, planes, seeds, confirmed=None):
         """
         Find out how far each node can be trusted, and why some cannot.
 
@@ -89,6 +89,8 @@ class Trust:
         views : Views
         planes : PlaneField
         seeds : Seeds
+        confirmed : numpy.ndarray, float32, shape (rows, columns), optional
+            Added to the log-odds of the nodes.
 
         Returns
         -------
@@ -96,6 +98,8 @@ class Trust:
 
         """
         self.weigh(views, planes)
+        if confirmed is not None:
+            self.log_odds[self.grid.inner] += confirmed
         if self.tuning.discord_odds:
             self.distrust_discord(planes)
         self.distrust_islands(views, planes)

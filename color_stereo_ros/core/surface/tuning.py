@@ -11,7 +11,7 @@ of two chromaticities over its variance. A revision such as 53fe5ba is one of th
 
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 from ..constants import Change, changed, chosen, constant, Constants, derived, unexplained
@@ -331,9 +331,25 @@ class BrightnessTuning(Constants):
     agreement: int = constant(
         1, 'nodes', 'Largest difference of the matches left to right and right to left.',
         unexplained('As in the evaluation of OpenCV\'s matchers.'))
+    detail_radius: int = constant(
+        7, 'nodes', 'Radius of the surroundings whose detail is asked for.',
+        unexplained('As the wide window of the least squares.'))
     seed_std: float = constant(
         0.6, 'px', 'Standard deviation of a seed of this search.',
         unexplained('A quarter of a node of 2 px, and its smoothness.'))
+    seed_gate: float = constant(
+        1.5, 'px', 'Distance of a seed up to which it holds a plane.',
+        unexplained('As `planes.gates`.'))
+    least_detail: float = constant(
+        0.3, '1', 'Detail below which seeds come from the coarse search, see `texture.detail`.',
+        chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
+    detailed_share: float = constant(
+        0.5, '1', 'Share of nodes with so much detail in their brightness from which slow colors '
+        'are fitted like others.', unexplained('Half of the nodes.'))
+    agreement_odds: float = constant(
+        1.0, '1', 'Added to the log-odds of nodes whose plane the search confirms, and taken from '
+        'those where it contradicts.',
+        chosen('Accepted nodes are right by .98 where it confirms them, by .5 where it does not.'))
 
 
 @dataclass(frozen=True)
@@ -600,6 +616,11 @@ def slow(radius):
         'trust.discord_odds': Change(0.0, unexplained(
             'Planes of slow colors are noisier: true neighbors contradict, too.')),
     }
+
+
+def without_slow(tuning):
+    """Return a tuning whose planes, neighbors and trust are those of colors that are not slow."""
+    return replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors, trust=TUNING.trust)
 
 
 def noise_correlation(radius):

@@ -79,9 +79,17 @@ class Views:
         gains = channel_gains(levels, color, self.tuning)
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
             view.fill(dark, gain, color)
-        averaged = (1 + 2 * self.tuning.averaging_radius) ** 2
-        self.noise_weight = F4(noise_weight(left, self.tuning) / averaged)
+        self.noise_weight = F4(noise_weight(left, self.tuning))
         return self
+
+    def average(self):
+        """Average slow colors, and let print show in them; where nothing finer is to be seen."""
+        for view in (self.left, self.right):
+            if self.tuning.averaging_radius:
+                view.average()
+            if self.tuning.print_gain:
+                view.add_print()
+        self.noise_weight = F4(self.noise_weight / (1 + 2 * self.tuning.averaging_radius) ** 2)
 
 
 class View:
@@ -165,10 +173,6 @@ class View:
                       dark, gain, F4(self.tuning.softening), F4(color.saturation_level - 1),
                       self.noise, self.widening, self.ring, self.u, self.v, self.s, self.peak,
                       self.variance)
-        if self.tuning.averaging_radius:
-            self.average()
-        if self.tuning.print_gain:
-            self.add_print()
 
     def average(self):
         """Average the chromaticities of slow colors over the nodes around each one."""
