@@ -108,17 +108,15 @@ class BrightnessCarrier:
                              fold, linearized.weight, linearized.moment,
                              planes.misfit, self.misfit)
 
-    def rely_on(self, found, grid, quiet=None):
+    def rely_on(self, found, grid):
         """
         Let planes be held by the seeds of a search.
 
         A search knows smoothness: it is right within a pixel where the colors around a node are
-        too uniform for least squares. quiet, bool (rows, columns): nodes that know nothing of it.
+        too uniform for least squares.
 
         """
         self.seed[grid.inner] = F4(2) * found.disparity + F4(found.offset)
-        if quiet is not None:
-            self.seed[grid.inner][quiet] = np.nan
         self.seeded = True
 
     def measure(self, views):

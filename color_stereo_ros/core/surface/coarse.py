@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The coarse search of the surface method: semi-global, over all disparities, on few nodes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 import cv2
@@ -126,24 +126,6 @@ class CoarseSearch:
                      self.rivals)
         lit, found = self.rivals.sum(axis=0)
         return float(found / lit) if lit else 0.0
-
-    def under(self, found, quiet, planes):
-        """
-        Return seeds of the half grid, with those of this search where they are quiet.
-
-        Parameters
-        ----------
-        found : Seeds
-            Of the half grid.
-        quiet : numpy.ndarray, bool, shape (rows, columns)
-            Where fine detail says nothing.
-        planes : PlaneField
-            Is overwritten.
-
-        """
-        ours = planes.seed(self.seeds).d[planes.grid.inner]
-        quiet &= np.isfinite(ours)
-        return replace(found, disparity=np.where(quiet, F4(0.5) * ours, found.disparity))
 
     def period_odds(self, found):
         """

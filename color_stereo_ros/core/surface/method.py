@@ -41,7 +41,7 @@ from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .texture import detail, TextureSearch
 from .trust import Trust
-from .tuning import tuning_for, without_slow
+from .tuning import detailed_tuning, tuning_for
 from .views import Views
 
 
@@ -79,7 +79,7 @@ class SurfaceMethod:
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.expectation = Expectation.of(settings.pattern)
         self.in_force = tuning
-        self.detailed = without_slow(tuning)
+        self.detailed = detailed_tuning(tuning)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
@@ -144,6 +144,7 @@ class SurfaceMethod:
         self.rival_share = 0.0
         self.suit(self.tuning)
         if gray:
+            self.suit(self.detailed)
             seeds = self.texture.search(views, gray)
             brightness.replace_colors(views)
             brightness.rely_on(seeds, views.grid)
@@ -158,7 +159,7 @@ class SurfaceMethod:
 
     def detailed_seeds(self, views):
         """
-        Return the seeds of the search for texture, and of the coarse search where there is none.
+        Return the seeds of the search for texture, or of the coarse search where there is none.
 
         Without detail at most nodes brightness does not count. Slow colors are then averaged, and
         otherwise fitted like others.
@@ -169,7 +170,7 @@ class SurfaceMethod:
         quiet = detail(views, brightness, tuning, not slow) < F4(tuning.least_detail)
         lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
         detailed = lit.any() and np.mean(quiet[lit]) < 1 - tuning.detailed_share
-        if slow and detailed:
+        if detailed:
             self.suit(self.detailed)
         elif slow:
             views.average()
@@ -178,11 +179,10 @@ class SurfaceMethod:
             brightness.rest()
             return coarse
         found = self.texture.search(views, False)
-        brightness.rely_on(found, views.grid, quiet)
-        seeds = self.coarse.under(found, quiet, self.planes)
+        brightness.rely_on(found, views.grid)
         if self.expectation.aperiodic or self.expectation.repeats:
-            seeds = replace(seeds, period_odds=self.coarse.period_odds(found))
-        return seeds
+            return replace(found, period_odds=self.coarse.period_odds(found))
+        return found
 
     def suit(self, tuning):
         """Fit and judge by the constants of a Tuning from here on."""

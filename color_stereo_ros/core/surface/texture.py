@@ -105,17 +105,19 @@ def detail(views, brightness, tuning, colors):
     Returns
     -------
     detail : numpy.ndarray, float32, shape (rows, columns)
-        Mean over the surroundings of the squared change to the next node over its variance; 1
-        on average where the noise of the camera model is all there is.
+        Mean over the surroundings of the squared change to the next node over its variance, of
+        the carrier that changes most; 1 where the noise of the camera model is all there is.
 
     """
     inner, left = views.grid.inner, views.left
     planes = [tuple(plane[inner] for plane in brightness.planes[0])]
     if colors:
         planes += [(each[inner], left.variance[inner]) for each in (left.u, left.v)]
-    total = np.zeros(planes[0][0].shape, F4)
+    size = 2 * tuning.detail_radius + 1
+    most = np.zeros(planes[0][0].shape, F4)
     for plane, spread in planes:
         change = plane[:, 1:] - plane[:, :-1]
-        total[:, 1:] += change * change / (spread[:, 1:] + spread[:, :-1])
-    size = 2 * tuning.detail_radius + 1
-    return cv2.blur(total, (size, size)) / F4(len(planes))
+        found = np.zeros(most.shape, F4)
+        np.divide(change * change, spread[:, 1:] + spread[:, :-1], out=found[:, 1:])
+        np.maximum(most, cv2.blur(found, (size, size)), out=most)
+    return most
