@@ -25,6 +25,11 @@ class Measurement:
     """uint8 (H, W), a `Status` code; 0 exactly where depth is finite."""
     disparity_std: np.ndarray
     """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
+    rival_share: float = field(default=0.0, kw_only=True)
+    """
+    Share of the lit surface that matches at several places, 0..1, where a pattern whose colors
+    never come again does not explain the images; 0 where it does, or such colors may come again.
+    """
 
 
 @dataclass(frozen=True, eq=False)

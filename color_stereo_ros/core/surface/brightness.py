@@ -7,9 +7,6 @@ import numpy as np
 from .grid_kernels import F4, SILENT_VARIANCE
 from .texture_kernels import add_seeds, linearize_brightness
 
-GRAY_DIFFERENCE = 2  # DN
-LIT = 16             # DN
-
 
 class BrightnessCarrier:
     """
@@ -35,6 +32,7 @@ class BrightnessCarrier:
         self.tuning, self.robust_misfit = tuning.brightness, F4(tuning.planes.robust_misfit)
         self.steps, self.limits = tuning.pair.adapt_steps, tuning.pair.scale_limits
         self.least_samples = tuning.pair.least_samples
+        self.least_share = F4(tuning.views.least_inside_share)
         self.planes = [tuple(arena.zeros(view.s.shape, F4) for _ in range(2))
                        for view in (views.left, views.right)]
         self.misfit = arena.full(views.left.s.shape, np.nan, F4)
@@ -69,7 +67,7 @@ class BrightnessCarrier:
                                                                self.planes)):
             if self.shares[number] is None:
                 around = cv2.blur(view.inside.astype(F4), self.window(view))
-                self.shares[number] = np.maximum(around, F4(1e-3))
+                self.shares[number] = np.maximum(around, self.least_share)
             normalized_brightness(view, self.tuning.offset, self.window(view),
                                   self.shares[number], level, variance)
         self.active, self.scale = True, F4(1)
@@ -161,14 +159,15 @@ def normalized_brightness(view, offset, window, share, level, variance):
     variance[view.variance >= SILENT_VARIANCE] = SILENT_VARIANCE
 
 
-def is_gray(image):
+def is_gray(image, tuning):
     """
-    Return whether an image, uint8 (H, W, 3), shows light without any color.
+    Return whether an image, uint8 (H, W, 3), shows light without any color
 
-    Every eighth row is looked at. The compression of JPEG leaves 1 or 2 DN of color.
+    Every eighth row is looked at; tuning is a BrightnessTuning. The compression of JPEG leaves 1 or 2 DN of color.
 
     """
     rows = image[4::8] if len(image) > 8 else image
     brightest, weakest = rows.max(axis=2), rows.min(axis=2)
-    lit = brightest > LIT
-    return bool(lit.any() and np.mean((brightest - weakest)[lit] <= GRAY_DIFFERENCE) >= 0.999)
+    lit = brightest > tuning.lit
+    colorless = (brightest - weakest)[lit] <= tuning.gray_difference
+    return bool(lit.any() and np.mean(colorless) >= tuning.gray_share)

@@ -24,7 +24,7 @@ class Seeds:
     """Nodes of the half grid per coarse node, in rows and in columns."""
     clear_share: np.ndarray
     """float32 (h, w), share of the nodes around with one clear minimum; None: no repetitions."""
-    offset: float = -0.5
+    offset: float
     """
     Added to the disparities, px. Right coarse nodes are averages of columns that lie half a pixel
     further right.
@@ -93,7 +93,7 @@ class CoarseSearch:
             np.int16)
         self.disparity, self.clear = arena.empty((2, h, w), F4)
         self.clear_share = np.ones((h, w), F4) if self.least_gap > 0 else None
-        self.seeds = Seeds(self.disparity, self.factor, self.clear_share)
+        self.seeds = Seeds(self.disparity, self.factor, self.clear_share, -0.5)
         self.best = arena.empty((BANDS, 2, w), np.int32)
 
     def search(self, views):

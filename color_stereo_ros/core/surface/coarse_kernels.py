@@ -279,7 +279,8 @@ def count_rivals(k, total, trust, full_trust, gap, step, counts):
         costs = total[y]
         for left in range(0, costs.shape[1], LENGTH):
             cheapest(costs, left, least, best)
-            for x in range(left, min(left + LENGTH, costs.shape[1]), step):
+            stop = min(left + LENGTH, costs.shape[1])
+            for x in range(left + (-left) % step, stop, step):
                 if trust[y, x] >= full_trust:
                     counts[k, 0] += 1
                     at, low = I4(best[x - left]), I4(least[x - left])

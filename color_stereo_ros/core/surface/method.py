@@ -75,7 +75,7 @@ class SurfaceMethod:
         self.views = Views(calibration, grid, settings, tuning.views, rectified_input, arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
-        self.texture = TextureSearch(grid, limits, tuning.brightness)
+        self.texture = TextureSearch(grid, limits, tuning)
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.expectation = Expectation.of(settings.pattern)
         self.in_force = tuning
@@ -108,7 +108,7 @@ class SurfaceMethod:
         """
         views = self.views.load(left, right)
         clock.lap('colors', views)
-        seeds = self.seeds(views, is_gray(left) and is_gray(right))
+        seeds = self.seeds(views, self.gray(left, right))
         clock.lap('coarse', seeds)
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
         if self.settings.matching.refinements:
@@ -122,7 +122,12 @@ class SurfaceMethod:
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
                                       self.trust.least_odds)
         clock.lap('expand', measurement)
-        return measurement
+        return replace(measurement, rival_share=self.rival_share)
+
+    def gray(self, left, right):
+        """Return whether neither raw image has any color."""
+        tuning = self.tuning.brightness
+        return is_gray(left, tuning) and is_gray(right, tuning)
 
     def seeds(self, views, gray):
         """
@@ -151,9 +156,10 @@ class SurfaceMethod:
             return seeds
         if self.expectation.aperiodic:
             coarse = self.coarse.search(views)
-            self.rival_share = self.coarse.rival_share()
-            if self.rival_share < self.tuning.repetition.noticed_share:
+            share = self.coarse.rival_share()
+            if share < self.tuning.repetition.noticed_share:
                 return coarse
+            self.rival_share = share
         brightness.load(views)
         return self.detailed_seeds(views)
 

@@ -22,13 +22,14 @@ class TextureSearch:
     grid : HalfGrid
     limits : (float, float)
         Smallest and largest disparity, px.
-    tuning : BrightnessTuning
+    tuning : Tuning
 
     """
 
     def __init__(self, grid, limits, tuning):
         """Prepare the matchers of gray and of color images."""
-        self.grid, self.tuning = grid, tuning
+        self.grid, self.tuning = grid, tuning.brightness
+        self.least_share = tuning.views.least_inside_share
         self.first = math.floor(max(limits[0] / 2, 1 - grid.columns))
         last = math.ceil(min(limits[1] / 2, grid.columns - 1))
         self.count = -(-max(last - self.first + 1, 1) // 16) * 16
@@ -77,7 +78,7 @@ class TextureSearch:
         tuning, step = self.tuning, view.columns_per_node
         across = 1 + 2 * (tuning.surroundings * step // 2), tuning.surroundings
         mean = cv2.blur(view.s, across) / np.maximum(
-            cv2.blur(view.inside.astype(F4), across), F4(1e-3))
+            cv2.blur(view.inside.astype(F4), across), F4(self.least_share))
         out = np.empty((*self.grid.nodes, channels), np.uint8)
         local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, step,
                      F4(tuning.offset), F4(tuning.level), out)

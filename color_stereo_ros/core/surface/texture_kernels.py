@@ -9,7 +9,8 @@ from .grid_kernels import (
 from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
-BRIGHTNESS_CAP = F4(TUNING.brightness.misfit_cap)
+BRIGHTNESS_CAP = F4(TUNING.brightness.brightness_cap)
+FULL_SCALE = F4(np.iinfo(np.uint8).max)
 SHARE = F4(2 / 3)  # two chromaticities have a misfit of 2 on average, three carriers of 3
 
 
@@ -32,14 +33,14 @@ def local_colors(k, u, v, s, mean, row, column, step, offset, level, out):
             at = column + step * i
             total = level * light[at] / (around[at] + offset)
             if channels == 1:
-                out[j, i, 0] = np.uint8(min(max(total, F4(0)), F4(255)))
+                out[j, i, 0] = np.uint8(min(max(total, F4(0)), FULL_SCALE))
                 continue
             red = total * (F4(1) + us[at])
             rest = half * (F4(3) * total - red)
             apart = half * F4(3) * total * vs[at] * root
-            out[j, i, 0] = np.uint8(min(max(red, F4(0)), F4(255)))
-            out[j, i, 1] = np.uint8(min(max(rest + apart, F4(0)), F4(255)))
-            out[j, i, 2] = np.uint8(min(max(rest - apart, F4(0)), F4(255)))
+            out[j, i, 0] = np.uint8(min(max(red, F4(0)), FULL_SCALE))
+            out[j, i, 1] = np.uint8(min(max(rest + apart, F4(0)), FULL_SCALE))
+            out[j, i, 2] = np.uint8(min(max(rest - apart, F4(0)), FULL_SCALE))
 
 
 @banded(fastmath=FAST)

@@ -299,6 +299,15 @@ class PlaneTuning(Constants):
 class BrightnessTuning(Constants):
     """Brightness against its surroundings as a third carrier, and the search that it needs."""
 
+    gray_difference: int = constant(
+        2, 'DN', 'Largest difference of the channels of a pixel without color.',
+        derived('The compression of JPEG leaves 1 or 2 DN in gray images.'))
+    gray_share: float = constant(
+        0.999, '1', 'Share of lit pixels without color from which an image is gray.',
+        unexplained('A few damaged pixels may have a color.'))
+    lit: int = constant(
+        16, 'DN', 'Brightest channel up to which a pixel says nothing about color.',
+        unexplained('As `dark` of core/account.py.'))
     radius: int = constant(
         2, 'nodes', 'Radius of the surroundings that the brightness of a node is compared with.',
         chosen('4: a gray pair .848 instead of .882 right, an unlit one .816 instead of .851; 1: '
@@ -306,7 +315,7 @@ class BrightnessTuning(Constants):
     offset: float = constant(
         12.0, 'DN', 'Added to the brightness before its logarithm.',
         unexplained('As `coarse.texture_offset`.'))
-    misfit_cap: float = constant(
+    brightness_cap: float = constant(
         12.0, '1', 'Largest misfit of brightness beside that of colors.',
         unexplained('Where brightness lies, it makes a node doubtful, not hopeless.'),
         compiled=True)
@@ -515,7 +524,7 @@ class RepetitionTuning(Constants):
         chosen('Default pattern: at most .085 of the nodes; unlit or repeating colors: .23 and '
                'more, on thirty pairs.'))
     noticed_share: float = constant(
-        0.15, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
+        0.25, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
         'images show.', chosen('Between these figures.'))
     noticed_step: int = constant(
         2, 'coarse nodes', 'Distance of the nodes that are asked for that.',
@@ -582,14 +591,6 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
     'views.same_camera_balance': Change(math.inf, derived(
         'Both cameras may see different parts of the pattern: they always share their gains.')),
 }
-COUNTED = {  # under several cycles of a known number
-    'coarse.texture': Change(4.0, chosen(
-        'Shading counts, too: 16 sines on a bench .831 -> .984 within 1 px (dc801e5).')),
-    'coarse.texture_surroundings': Change(41, chosen(
-        'Shading is wider than print. 81 or 161 nodes: better in one pair, worse in another.')),
-}
-
-
 def slow(radius):
     """Return the changes under colors that change slowly and are averaged over a radius, nodes."""
     return {
@@ -624,8 +625,11 @@ def slow(radius):
 
 def detailed_tuning(tuning):
     """Return how planes are fitted and judged where a pair shows detail in its brightness."""
-    neighbors = replace(TUNING.neighbors, inertia=tuning.brightness.inertia)
-    return replace(tuning, planes=TUNING.planes, neighbors=neighbors, trust=TUNING.trust)
+    if tuning.views.averaging_radius:  # those of slow colors
+        tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
+                         trust=TUNING.trust)
+    return replace(tuning, neighbors=replace(tuning.neighbors,
+                                             inertia=tuning.brightness.inertia))
 
 
 def noise_correlation(radius):
@@ -651,8 +655,6 @@ def changes_for(expectation, width):
     radius = min(views.largest_averaging_radius,
                  round(width / expectation.cycles / views.averaging_period))
     changes = dict(PERIODIC)
-    if expectation.counted:
-        changes |= COUNTED
     if radius:
         changes |= slow(radius)
     if expectation.repeats:
