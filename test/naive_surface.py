@@ -331,14 +331,14 @@ def add_seeds(seed, d, tiles, gate, seed_weight, reference, weight, moment):
     return weight, moment
 
 
-def count_rivals(total, trust, full_trust, gap, step):
+def count_rivals(total, trust, full_trust, worst, gap, step):
     """Return how many of every step-th nodes are fully trusted, and how many have a rival."""
     counts = [0, 0]
     for y in range(0, total.shape[0], step):
         for x in range(0, total.shape[2], step):
-            if trust[y, x] >= full_trust:
-                costs = [int(each) for each in total[y, :, x]]
-                best = costs.index(min(costs))
+            costs = [int(each) for each in total[y, :, x]]
+            best = costs.index(min(costs))
+            if trust[y, x] >= full_trust and costs[best] < worst:
                 counts[0] += 1
                 counts[1] += any(abs(d - best) > RIVAL_DISTANCE and cost < costs[best] + gap
                                  for d, cost in enumerate(costs))

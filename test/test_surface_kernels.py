@@ -322,8 +322,8 @@ def test_nodes_with_a_rival_are_counted(step):
     total = rng.integers(0, 3000, (21, 9, 70)).astype(I2)
     trust = rng.integers(14, 17, (21, 70)).astype(I2)
     counts = np.full((BANDS, 2), -1, np.int64)
-    count_rivals(total, trust, I2(16), 120, step, counts)
-    expected = naive.count_rivals(total, trust, 16, 120, step)
+    count_rivals(total, trust, I2(16), 300, 120, step, counts)
+    expected = naive.count_rivals(total, trust, 16, 300, 120, step)
     assert counts.sum(axis=0).tolist() == expected
     assert 0 < expected[1] < expected[0]
 

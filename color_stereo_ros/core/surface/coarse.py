@@ -119,9 +119,10 @@ class CoarseSearch:
         return self.seeds
 
     def rival_share(self):
-        """Return the share of the lit nodes of this pair that match well at two places."""
+        """Return the share of the lit nodes with a match that match well at two places."""
         tuning = self.repetition
         count_rivals(self.upright.total, self.upright.left[3], np.int16(16),
+                     round(tuning.noticed_cost * self.tuning.large_step),
                      round(tuning.noticed_gap * self.tuning.large_step), tuning.noticed_step,
                      self.rivals)
         lit, found = self.rivals.sum(axis=0)
@@ -131,7 +132,8 @@ class CoarseSearch:
         """
         Return the log-odds that the matches of this pair have the right period, float32 (h, w).
 
-        They rise with the share of clear nodes around, and where another search agrees.
+        They rise with the share of clear nodes around, and where another search agrees. A bare
+        surface without any depth edge around gets those of the coarse search alone.
 
         Parameters
         ----------
@@ -149,9 +151,18 @@ class CoarseSearch:
                                          self.factor // 2::self.factor][:h, :w]
         agree = (np.abs(ours - theirs) < F4(2 * self.factor * tuning.agreement)).astype(F4)
         agree = cv2.blur(agree, 2 * (tuning.agreement_surroundings,))
-        both, apart = (np.interp(clear, tuning.clear_shares, odds)
-                       for odds in (tuning.agreed_odds, tuning.contested_odds))
-        return (apart + agree * (both - apart)).astype(F4)
+        alone, both, apart = (np.interp(clear, tuning.clear_shares, odds) for odds in (
+            tuning.odds, tuning.agreed_odds, tuning.contested_odds))
+        known = apart + agree * (both - apart)
+        return (alone + self.anchored(theirs) * (known - alone)).astype(F4)
+
+    def anchored(self, disparity):
+        """Return how far depth edges around tell the period of a disparity, float32 0 .. 1."""
+        jumps = np.zeros(disparity.shape, F4)
+        jumps[:, 1:] = np.abs(disparity[:, 1:] - disparity[:, :-1]) > F4(
+            2 * self.factor * self.repetition.agreement)
+        share = cv2.blur(jumps, self.region) / F4(self.repetition.anchor_share)
+        return np.minimum(share, F4(1))
 
     def aggregate(self):
         """

@@ -261,12 +261,12 @@ def has_rival(total, x, at, bound):
 
 
 @banded()
-def count_rivals(k, total, trust, full_trust, gap, step, counts):
+def count_rivals(k, total, trust, full_trust, worst, gap, step, counts):
     """
     Count the nodes that match well at two places.
 
     Looks at every step-th node of every step-th row whose trust, int16 (rows, columns), is
-    full_trust. counts, int64 (BANDS, 2), takes how many there are, and how many have a disparity
+    full_trust, and whose best match costs less than worst. counts, int64 (BANDS, 2), takes how many there are, and how many have a disparity
     more than RIVAL_DISTANCE nodes from the best one that costs less than gap more.
 
     """
@@ -281,9 +281,9 @@ def count_rivals(k, total, trust, full_trust, gap, step, counts):
             cheapest(costs, left, least, best)
             stop = min(left + LENGTH, costs.shape[1])
             for x in range(left + (-left) % step, stop, step):
-                if trust[y, x] >= full_trust:
+                at, low = I4(best[x - left]), I4(least[x - left])
+                if (trust[y, x] >= full_trust) & (low < worst):
                     counts[k, 0] += 1
-                    at, low = I4(best[x - left]), I4(least[x - left])
                     if has_rival(costs, x, at, low + gap):
                         counts[k, 1] += 1
 

@@ -11,7 +11,6 @@ from .tuning import TUNING
 # Constants of `tuning`, compiled into the kernels.
 BRIGHTNESS_CAP = F4(TUNING.brightness.brightness_cap)
 FULL_SCALE = F4(np.iinfo(np.uint8).max)
-SHARE = F4(2 / 3)  # two chromaticities have a misfit of 2 on average, three carriers of 3
 
 
 @banded(fastmath=FAST)
@@ -103,7 +102,7 @@ def linearize_brightness(k, left_t, left_var, right_t, right_var, psf, d, a, b, 
                 weights[x] = out_weight[x] + (strength if informed else F4(0))
                 moments[x] = out_moment[x] + (pulled if informed else F4(0))
                 misfits[x] = chi if informed else NAN
-                folded = SHARE * (out_misfit[x] + min(chi, BRIGHTNESS_CAP))
+                folded = F4(2) / F4(3) * (out_misfit[x] + min(chi, BRIGHTNESS_CAP))
                 sums[x] = folded if informed & fold else out_misfit[x]
             for x in range(TILE_COLUMNS):
                 out_weight[x] = weights[x]
@@ -170,7 +169,7 @@ def add_patch_brightness(left_t, left_var, right_t, right_var, psf, scale, cap, 
             own = (F4(1) - F4(2) * gain) * lt[x + 1] + gain * (lt[x] + lt[x + 2])
             error = own - (rt[i0] + slope * t)
             chi = error * error / (scale * (lvar[x] + noise) + PHASE_VARIANCE * slope * slope)
-            total = SHARE * (row[x] + min(chi, BRIGHTNESS_CAP))
+            total = F4(2) / F4(3) * (row[x] + min(chi, BRIGHTNESS_CAP))
             total = total if known & (noise < SILENT_VARIANCE) else row[x]
             sums[x] = min(total, cap)
         for x in range(out.shape[1]):

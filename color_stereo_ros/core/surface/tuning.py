@@ -523,6 +523,9 @@ class RepetitionTuning(Constants):
         2.0, 'large steps', 'As `least_gap`, to notice that colors match at several places.',
         chosen('Default pattern: at most .085 of the nodes; unlit or repeating colors: .23 and '
                'more, on thirty pairs.'))
+    noticed_cost: float = constant(
+        2.5, 'large steps', 'Cost of the best match from which a node has no match at all.',
+        unexplained('What lies outside the limits matches by chance, at several places.'))
     noticed_share: float = constant(
         0.25, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
         'images show.', chosen('Between these figures.'))
@@ -535,6 +538,9 @@ class RepetitionTuning(Constants):
     agreement_surroundings: int = constant(
         5, 'coarse nodes', 'Width of the surroundings in which agreement is counted.',
         unexplained('Smooths the borders of patches that agree.'))
+    anchor_share: float = constant(
+        0.005, '1', 'Share of coarse nodes at depth edges around from which they tell the period.',
+        unexplained('The edge of one object; a lone bare wall has none.'))
     agreed_odds: tuple = constant(
         (0.9, 0.9, 1.1, 1.3, 2.0, 3.0, 5.0, 14.0), '1', 'As `odds`, where two searches agree.',
         chosen('Right at these shares on seventeen pairs: .93 .85 .87 .94 .95 .98 1; lower, since '
