@@ -142,7 +142,7 @@ class CoarseSearch:
 
         """
         tuning = self.repetition
-        gap = self.least_gap or self.tuning.large_step
+        gap = self.least_gap or round(tuning.noticed_gap * self.tuning.large_step)
         winners(self.upright.total, self.first, gap, self.disparity, self.clear, self.best)
         clear = cv2.blur(self.clear, self.region)
         h, w = self.disparity.shape
@@ -161,7 +161,8 @@ class CoarseSearch:
         jumps = np.zeros(disparity.shape, F4)
         jumps[:, 1:] = np.abs(disparity[:, 1:] - disparity[:, :-1]) > F4(
             2 * self.factor * self.repetition.agreement)
-        share = cv2.blur(jumps, self.region) / F4(self.repetition.anchor_share)
+        around = 2 * (self.repetition.anchor_surroundings,)
+        share = cv2.blur(jumps, around) / F4(self.repetition.anchor_share)
         return np.minimum(share, F4(1))
 
     def aggregate(self):

@@ -521,13 +521,13 @@ class RepetitionTuning(Constants):
         PERIOD.provenance('odds'))
     noticed_gap: float = constant(
         2.0, 'large steps', 'As `least_gap`, to notice that colors match at several places.',
-        chosen('Default pattern: at most .085 of the nodes; unlit or repeating colors: .23 and '
-               'more, on thirty pairs.'))
+        chosen('Default pattern: at most .04 of the nodes, .11 where one view is blurred by 3 px '
+               'or rows differ by 5 px; unlit or repeating colors: .22 and more.'))
     noticed_cost: float = constant(
         2.5, 'large steps', 'Cost of the best match from which a node has no match at all.',
         unexplained('What lies outside the limits matches by chance, at several places.'))
     noticed_share: float = constant(
-        0.25, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
+        0.18, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
         'images show.', chosen('Between these figures.'))
     noticed_step: int = constant(
         2, 'coarse nodes', 'Distance of the nodes that are asked for that.',
@@ -539,8 +539,11 @@ class RepetitionTuning(Constants):
         5, 'coarse nodes', 'Width of the surroundings in which agreement is counted.',
         unexplained('Smooths the borders of patches that agree.'))
     anchor_share: float = constant(
-        0.005, '1', 'Share of coarse nodes at depth edges around from which they tell the period.',
+        0.002, '1', 'Share of coarse nodes at depth edges around from which they tell the period.',
         unexplained('The edge of one object; a lone bare wall has none.'))
+    anchor_surroundings: int = constant(
+        121, 'coarse nodes', 'Width of the surroundings in which depth edges are looked for.',
+        chosen('Bare wall around a ball: .91 right; 41: .76. A lone wall has no edge anywhere.'))
     agreed_odds: tuple = constant(
         (0.9, 0.9, 1.1, 1.3, 2.0, 3.0, 5.0, 14.0), '1', 'As `odds`, where two searches agree.',
         chosen('Right at these shares on seventeen pairs: .93 .85 .87 .94 .95 .98 1; lower, since '
