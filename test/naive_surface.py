@@ -316,7 +316,9 @@ def linearize_brightness(left, right, psf, planes, tiles, robust, scale, referen
         out[0, y, x] += w * slope * slope
         out[1, y, x] += w * slope * slope * (d[y, x] - reference) - w * slope * error
         if fold:
-            out[2, y, x] = 2 / 3 * (colors[2, y, x] + min(chi, BRIGHTNESS_CAP))
+            own = min(chi, BRIGHTNESS_CAP)
+            out[2, y, x] = 2 * own if np.isnan(colors[2, y, x]) else 2 / 3 * (
+                colors[2, y, x] + own)
         out[3, y, x] = chi
     return out
 

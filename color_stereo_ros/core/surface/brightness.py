@@ -54,6 +54,16 @@ class BrightnessCarrier:
         inner, odds = planes.grid.inner, F4(self.tuning.agreement_odds)
         return np.where(np.abs(self.seed[inner] - planes.d[inner]) < F4(1), odds, -odds)
 
+    def light(self, view):
+        """
+        Return the brightness that tells whether a node of a view is lit, DN.
+
+        Where seeds hold planes that is the mean of the surroundings: between dots it is dark.
+
+        """
+        size = 2 * self.tuning.detail_radius + 1
+        return cv2.blur(view.s, (size, size)) if self.seeded else view.s
+
     @property
     def arrays(self):
         """Return what `neighbor_kernels.propagate` takes; without entries if inactive."""
@@ -68,7 +78,7 @@ class BrightnessCarrier:
             if self.shares[number] is None:
                 around = cv2.blur(view.inside.astype(F4), self.window(view))
                 self.shares[number] = np.maximum(around, self.least_share)
-            normalized_brightness(view, self.tuning.offset, self.window(view),
+            normalized_brightness(view, self.tuning.offset, views.saturation, self.window(view),
                                   self.shares[number], level, variance)
         self.active, self.scale = True, F4(1)
 
@@ -131,7 +141,7 @@ class BrightnessCarrier:
             self.scale = F4(np.clip(quartile / self.tuning.quartile, *self.limits))
 
 
-def normalized_brightness(view, offset, window, share, level, variance):
+def normalized_brightness(view, offset, saturation, window, share, level, variance):
     """
     Write the logarithm of the brightness against its surroundings, and its variance.
 
@@ -140,13 +150,15 @@ def normalized_brightness(view, offset, window, share, level, variance):
     view : View
     offset : float
         Added to the brightness, DN.
+    saturation : float
+        Brightest channel from which a node says nothing, DN.
     window : (int, int)
         Columns and rows of the surroundings.
     share : numpy.ndarray, float32
         Share of the surroundings inside the raw image, above 0.
     level, variance : numpy.ndarray, float32
-        Arrays of the shape of the view that are written; SILENT_VARIANCE where the color says
-        nothing, either.
+        Arrays of the shape of the view that are written. What is dark between bright dots says
+        something: only outside and saturated nodes have SILENT_VARIANCE.
 
     """
     raised = view.s + F4(offset)
@@ -154,9 +166,9 @@ def normalized_brightness(view, offset, window, share, level, variance):
     level[~view.inside] = 0
     np.subtract(level, cv2.blur(level, window) / share, out=level)
     level[~view.inside] = 0
-    ratio = view.s / raised
-    np.multiply(view.variance, ratio * ratio, out=variance)
-    variance[view.variance >= SILENT_VARIANCE] = SILENT_VARIANCE
+    floor, shot, relative = view.noise
+    np.divide(floor + view.s * (shot + relative * view.s), raised * raised, out=variance)
+    variance[~view.inside | (view.peak >= F4(saturation))] = SILENT_VARIANCE
 
 
 def is_gray(image, tuning):

@@ -117,7 +117,8 @@ class SurfaceMethod:
             self.refine(turn, views, planes, pair, clock)
         if not self.brightness.active:
             self.least_squares.correct_variance(planes)
-        verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes))
+        verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
+                                   self.brightness.light(views.left))
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
                                       self.trust.least_odds)

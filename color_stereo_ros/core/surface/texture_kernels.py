@@ -50,7 +50,8 @@ def linearize_brightness(k, left_t, left_var, right_t, right_var, psf, d, a, b, 
 
     As `plane_kernels.linearize`, for one carrier. own_misfit takes the misfit of the brightness alone, NaN
     where it is unknown. If `fold`, misfit becomes that of all three carriers, scaled to an average
-    of 2, in which brightness counts up to BRIGHTNESS_CAP.
+    of 2, in which brightness counts up to BRIGHTNESS_CAP;
+    twice that of the brightness where the colors say nothing.
 
     """
     width = right_t.shape[1]
@@ -102,7 +103,9 @@ def linearize_brightness(k, left_t, left_var, right_t, right_var, psf, d, a, b, 
                 weights[x] = out_weight[x] + (strength if informed else F4(0))
                 moments[x] = out_moment[x] + (pulled if informed else F4(0))
                 misfits[x] = chi if informed else NAN
-                folded = F4(2) / F4(3) * (out_misfit[x] + min(chi, BRIGHTNESS_CAP))
+                bright = min(chi, BRIGHTNESS_CAP)
+                folded = F4(2) / F4(3) * (out_misfit[x] + bright)
+                folded = folded if out_misfit[x] == out_misfit[x] else F4(2) * bright
                 sums[x] = folded if informed & fold else out_misfit[x]
             for x in range(TILE_COLUMNS):
                 out_weight[x] = weights[x]

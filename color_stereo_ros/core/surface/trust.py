@@ -80,7 +80,7 @@ class Trust:
         self.form[0, 0] += F4(self.tuning.odds_offset)
         self.robust_misfit = F4(tuning.planes.robust_misfit)
 
-    def judge(self, views, planes, seeds, confirmed=None):
+    def judge(self, views, planes, seeds, confirmed=None, light=None):
         """
         Find out how far each node can be trusted, and why some cannot.
 
@@ -91,6 +91,8 @@ class Trust:
         seeds : Seeds
         confirmed : numpy.ndarray, float32, shape (rows, columns), optional
             Added to the log-odds of the nodes.
+        light : numpy.ndarray, float32, framed, optional
+            Brightness that tells whether a node is lit, DN; default: its own.
 
         Returns
         -------
@@ -104,7 +106,7 @@ class Trust:
             self.distrust_discord(planes)
         self.distrust_islands(views, planes)
         self.find_hidden(planes)
-        verdict = self.settle(views, planes)
+        verdict = self.settle(views, planes, views.left.s if light is None else light)
         if seeds.period_odds is not None:
             self.doubt_repetitions(self.at_all_nodes(seeds.period_odds), verdict)
         elif seeds.clear_share is not None:
@@ -179,12 +181,12 @@ class Trust:
                         F4(self.tuning.hidden_distance), self.hidden, self.owner,
                         self.owner_odds)
 
-    def settle(self, views, planes):
+    def settle(self, views, planes, light):
         """Return standard deviation, final log-odds and reason of every node."""
         color, verdict = self.settings.color, self.verdict
         rows, columns = self.grid.nodes
         settle(planes.d, planes.variance, self.evidence, planes.cost, self.log_odds, self.hidden,
-               views.left.peak, views.left.s, rows, columns, self.limits,
+               views.left.peak, light, rows, columns, self.limits,
                F4(color.saturation_level - 1), F4(color.min_signal), F4(self.tuning.hidden_odds),
                F4(self.tuning.vague_std), verdict.std, verdict.log_odds, verdict.reason)
         return verdict

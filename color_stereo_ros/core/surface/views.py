@@ -63,6 +63,7 @@ class Views:
         foreshortened = settings.matching.foreshortening and tuning.foreshortening
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
+        self.saturation = settings.color.saturation_level - 1
 
     def load(self, left, right):
         """
