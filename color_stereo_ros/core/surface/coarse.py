@@ -130,9 +130,9 @@ class CoarseSearch:
 
     def period_odds(self, found):
         """
-        Return the log-odds that the matches of this pair have the right period, float32 (h, w).
+        Return the share of clear nodes, and the log-odds of the right period, float32 (h, w).
 
-        They rise with the share of clear nodes around, and where another search agrees. A bare
+        The odds rise with that share, and where another search agrees. A bare
         surface without any depth edge around gets those of the coarse search alone.
 
         Parameters
@@ -154,7 +154,7 @@ class CoarseSearch:
         alone, both, apart = (np.interp(clear, tuning.clear_shares, odds) for odds in (
             tuning.odds, tuning.agreed_odds, tuning.contested_odds))
         known = apart + agree * (both - apart)
-        return (alone + self.anchored(theirs) * (known - alone)).astype(F4)
+        return clear, (alone + self.anchored(theirs) * (known - alone)).astype(F4)
 
     def anchored(self, disparity):
         """Return how far depth edges around tell the period of a disparity, float32 0 .. 1."""

@@ -89,6 +89,18 @@ class SurfaceMethod:
         if settings.matching.refinements:
             # the black pair that warms the kernels has no colors to match
             color_matrix(self.views, self.planes, F4(1), tuning)
+        self.warm_brightness()
+
+    def warm_brightness(self):
+        """Run the kernels of pairs whose brightness counts: the black pair shows no detail."""
+        views, planes, brightness = self.views, self.planes, self.brightness
+        brightness.load(views)
+        found = self.texture.search(views, False)
+        self.coarse.rival_share()
+        self.coarse.period_odds(found)
+        brightness.rely_on(found, views.grid)
+        self.linearize(views, planes.seed(found), PairModel.neutral(views), planes.tiles[:1])
+        brightness.rest()
 
     def measure(self, left, right, clock):
         """
@@ -188,7 +200,8 @@ class SurfaceMethod:
         found = self.texture.search(views, False)
         brightness.rely_on(found, views.grid)
         if self.expectation.aperiodic or self.expectation.repeats:
-            return replace(found, period_odds=self.coarse.period_odds(found))
+            clear, odds = self.coarse.period_odds(found)
+            return replace(found, clear_share=clear, period_odds=odds)
         return found
 
     def suit(self, tuning):
