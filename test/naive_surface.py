@@ -11,7 +11,7 @@ import math
 
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import (
-    bend_kernels, grid_kernels, quality_kernels, trust_kernels)
+    bend_kernels, grid_kernels, quality_kernels, texture_kernels, trust_kernels)
 from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, RIVAL_DISTANCE
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
@@ -23,6 +23,7 @@ from color_stereo_ros.core.surface.trust_kernels import (
     UNKNOWN_ODDS, UNLIT, VARIANCE_FACTOR)
 import numpy as np
 
+BRIGHTNESS_CAP = float(texture_kernels.BRIGHTNESS_CAP)
 SILENT_VARIANCE = float(grid_kernels.SILENT_VARIANCE)
 MISFIT_CAP = float(trust_kernels.MISFIT_CAP)
 WINDOW = [(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)]
@@ -282,6 +283,72 @@ def linearize(left, right, psf, matrix, planes, tiles, robust, scale, reference)
     return out
 
 
+def local_colors(u, v, s, mean, row, column, step, offset, level, channels, shape):
+    """Return colors with the brightness against the surroundings, not rounded."""
+    out = np.zeros((*shape, channels))
+    for j, i in nodes_of(shape):
+        at = row + j, column + step * i
+        total = level * s[at] / (mean[at] + offset)
+        red = total * (1 + u[at])
+        green = (3 * total - red) / 2 + math.sqrt(3) / 2 * total * v[at]
+        colors = (total,) if channels == 1 else (red, green, 3 * total - red - green)
+        out[j, i] = [min(max(each, 0), 255) for each in colors]
+    return out
+
+
+def linearize_brightness(left, right, psf, planes, tiles, robust, scale, reference, fold, colors):
+    """Return weight, moment, misfit and own misfit; left, right are (t, variance)."""
+    d, a, b = planes
+    out = np.full((4, *d.shape), np.nan)
+    for y, x in (node for tile in tiles for node in tile_nodes(tile)):
+        out[:3, y, x] = colors[:, y, x]
+        place = 2.0 * (x - PAD) - float(d[y, x])
+        if not 1 <= place < right.shape[2] - 2:
+            continue
+        i = int(place)
+        noise = max(right[1, y, i], right[1, y, i + 1])
+        if noise >= SILENT_VARIANCE or left[1, y, x] >= SILENT_VARIANCE:
+            continue
+        value, slope = cubic(right[0, y, i - 1:i + 3].astype(float), place - i)
+        blurred = max(left[1, y, x - 1], left[1, y, x + 1]) < SILENT_VARIANCE
+        error = foreshortened(left, y, x, psf if blurred else 0, a[y, x], b[y, x])[0] - value
+        w = 1 / (scale * (left[1, y, x] + noise) + PHASE_VARIANCE * slope * slope)
+        chi = w * error * error
+        w /= 1 + chi / robust
+        out[0, y, x] += w * slope * slope
+        out[1, y, x] += w * slope * slope * (d[y, x] - reference) - w * slope * error
+        if fold:
+            own = min(chi, BRIGHTNESS_CAP)
+            out[2, y, x] = 2 * own if np.isnan(colors[2, y, x]) else 2 / 3 * (
+                colors[2, y, x] + own)
+        out[3, y, x] = chi
+    return out
+
+
+def add_seeds(seed, d, tiles, gate, seed_weight, reference, weight, moment):
+    """Return weight and moment with the seeds of some tiles."""
+    weight, moment = weight.copy(), moment.copy()
+    for y, x in (node for tile in tiles for node in tile_nodes(tile)):
+        if abs(seed[y, x] - d[y, x]) < gate and weight[y, x] > 0:
+            weight[y, x] += seed_weight
+            moment[y, x] += seed_weight * (seed[y, x] - reference)
+    return weight, moment
+
+
+def count_rivals(total, trust, full_trust, worst, gap, step):
+    """Return how many of every step-th nodes are fully trusted, and how many have a rival."""
+    counts = [0, 0]
+    for y in range(0, total.shape[0], step):
+        for x in range(0, total.shape[2], step):
+            costs = [int(each) for each in total[y, :, x]]
+            best = costs.index(min(costs))
+            if trust[y, x] >= full_trust and costs[best] < worst:
+                counts[0] += 1
+                counts[1] += any(abs(d - best) > RIVAL_DISTANCE and cost < costs[best] + gap
+                                 for d, cost in enumerate(costs))
+    return counts
+
+
 def widen(u, gain_x, gain_y):
     """Return a chromaticity with second differences added, borders repeated, ends of rows kept."""
     out = u.copy()
@@ -437,8 +504,14 @@ def capped(chi):
     return float(chi) if chi < MISFIT_CAP else MISFIT_CAP
 
 
-def plane_misfit(left, right, psf, matrix, scale, cap, planes, y, x, step_y, step_x):
-    """Return the truncated misfit of one node under the plane of the node a step away."""
+def plane_misfit(left, right, psf, matrix, scale, cap, planes, y, x, step_y, step_x,
+                 brightness=None):
+    """
+    Return the truncated misfit of one node under the plane of the node a step away.
+
+    brightness: (left, right, scale) of (t, variance), if it counts beside the colors.
+
+    """
     d, a, b = planes[:, y + step_y, x + step_x].astype(float)
     place = 2.0 * (x - PAD) - (d - a * step_x - b * step_y)
     if not 0 <= place < right.shape[2] - 1:
@@ -446,13 +519,22 @@ def plane_misfit(left, right, psf, matrix, scale, cap, planes, y, x, step_y, ste
     i = int(place)
     here, there = right[:, y, i].astype(float), right[:, y, i + 1].astype(float)
     noise = max(here[2], there[2])
-    if noise >= SILENT_VARIANCE:
-        return cap / 2
     slope = (there - here)[:2]
     u, v = here[:2] + slope * (place - i)
     error = foreshortened(left, y, x, psf, a, b) - matrix @ (u, v, 1)
     spread = scale * (left[2, y, x] + noise) + float(PHASE_VARIANCE) * (slope @ slope)
-    return min(cap, error @ error / spread)
+    chi = min(cap, error @ error / spread) if noise < SILENT_VARIANCE else cap / 2
+    if brightness is None:
+        return chi
+    (left_t, right_t, own_scale), at = brightness, place - i
+    below, above = right_t[:, y, i].astype(float), right_t[:, y, i + 1].astype(float)
+    noise = max(below[1], above[1])
+    if noise >= SILENT_VARIANCE:
+        return chi
+    rise = above[0] - below[0]
+    error = foreshortened(left_t, y, x, psf, a, b)[0] - below[0] - rise * at
+    spread = own_scale * (left_t[1, y, x] + noise) + float(PHASE_VARIANCE) * rise ** 2
+    return min(cap, 2 / 3 * (chi + min(BRIGHTNESS_CAP, error ** 2 / spread)))
 
 
 def shifted_mean(misfits, y, x):
@@ -461,7 +543,7 @@ def shifted_mean(misfits, y, x):
 
 
 def propagate(left, right, psf, matrix, scale, cap, inertia, planes, tiles, step,
-              own_cost=None):
+              own_cost=None, brightness=None):
     """Return d, a, b and cost, NaN outside the tiles; own_cost: of the planes, if judged."""
     out = np.full((4, *planes.shape[1:]), np.nan)
     for tile in tiles:
@@ -470,7 +552,7 @@ def propagate(left, right, psf, matrix, scale, cap, inertia, planes, tiles, step
                 out[3, y, x] = cap
             continue
         misfits = {(j, i): {(y, x): plane_misfit(left, right, psf, matrix, scale, cap, planes,
-                                                 y, x, step * j, step * i)
+                                                 y, x, step * j, step * i, brightness)
                             for y, x in tile_nodes(tile, HALO)} for j, i in CROSS}
         for y, x in tile_nodes(tile):
             costs = {side: shifted_mean(misfits[side], y, x) for side in CROSS}

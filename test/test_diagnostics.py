@@ -90,7 +90,8 @@ def gray(images):
 
 
 @pytest.mark.parametrize('change, words', [
-    (gray, 'the left image is gray: a mono camera'),
+    (lambda images: {**images, 'left': gray(images)['left']},
+     'the left image is gray, the other one is not: a mono camera'),
     (lambda images: dict.fromkeys(images, images['left']), 'left and right image are identical'),
     (lambda images: {'left': images['right'], 'right': images['left']},
      'left and right image swapped? The other way round'),

@@ -152,8 +152,21 @@ def test_a_few_dark_images_are_no_doubt_and_a_bright_one_ends_it():
     assert found.doubt(16) is None
 
 
+def test_gray_images_get_three_equal_channels():
+    image = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    rgb = reading.image_to_rgb(raw_message('mono8', image[..., None]))
+    np.testing.assert_array_equal(rgb, np.repeat(image[..., None], 3, 2))
+
+
+@pytest.mark.parametrize('bits, divisor', [(16, 256), (12, 16)])
+def test_gray_words_keep_their_highest_bits(bits, divisor):
+    words = np.arange(48, dtype=np.uint16).reshape(6, 8) * 80
+    rgb = reading.image_to_rgb(words_message('mono', words), bits)
+    np.testing.assert_array_equal(rgb, np.repeat((words // divisor)[..., None], 3, 2))
+
+
 @pytest.mark.parametrize('encoding, reason', [
-    ('mono8', 'has no color'), ('mono16', 'has no color'), ('32FC1', 'has no color'),
+    ('8UC1', 'does not tell what'), ('32FC1', 'does not tell what its numbers are'),
     ('8UC3', 'does not tell the order'), ('', 'is empty'), ('yuv422', 'is not supported'),
     ('RGB8', 'is not supported'), ('bayer_rggb', 'is not supported'),
     ('bayer_rggb168', 'is not supported')])

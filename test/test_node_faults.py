@@ -125,9 +125,9 @@ def relabeled(encoding, **changes):
 
 
 IMAGE_FAULTS = {
-    'mono8': (changed(encoding='mono8'), "encoding = 'mono8' has no color"),
-    'mono16': (changed(encoding='mono16'), "encoding = 'mono16' has no color"),
-    '32FC1': (changed(encoding='32FC1'), "encoding = '32FC1' has no color"),
+    'mono8 of 3 bytes': (changed(encoding='mono8'), 'data is too long'),
+    '8UC1': (changed(encoding='8UC1'), "encoding = '8UC1' does not tell what"),
+    '32FC1': (changed(encoding='32FC1'), "encoding = '32FC1' does not tell what"),
     '8UC3': (changed(encoding='8UC3'), "'8UC3' does not tell the order"),
     'yuv422': (changed(encoding='yuv422'), "encoding = 'yuv422' is not supported"),
     'rgb16': (changed(encoding='rgb16'), "encoding = 'rgb16' is not supported"),

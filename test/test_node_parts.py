@@ -420,7 +420,8 @@ def looked_at(stereo, seconds, density, said, clock):
     """Look at 20 pairs a second for a while and return the Doubts."""
     doubts = Doubts(said.append, clock)
     left, right = scene()
-    result = SimpleNamespace(density=density, status=np.zeros((4, 4), np.uint8), alignment=None)
+    result = SimpleNamespace(density=density, status=np.zeros((4, 4), np.uint8), alignment=None,
+                             rival_share=0.0)
     for _ in range(20 * seconds):
         clock.now += 0.05
         doubts.look(stereo, left, right, result)

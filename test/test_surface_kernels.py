@@ -21,7 +21,7 @@ from color_stereo_ros.core.surface.bend_kernels import (
     find_bent_tiles, unbend, write_pulls)
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
 from color_stereo_ros.core.surface.coarse_kernels import (
-    add_turned, GUARD_COST, reduce_colors, seed_planes, winners)
+    add_turned, count_rivals, GUARD_COST, reduce_colors, seed_planes, winners)
 from color_stereo_ros.core.surface.grid import tiles_of
 from color_stereo_ros.core.surface.grid_kernels import (
     PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
@@ -31,6 +31,8 @@ from color_stereo_ros.core.surface.plane_kernels import (
     find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
 from color_stereo_ros.core.surface.quality_kernels import sample_quality
 from color_stereo_ros.core.surface.row_kernels import moved_rows, row_cells
+from color_stereo_ros.core.surface.texture_kernels import (
+    add_seeds, linearize_brightness, local_colors)
 from color_stereo_ros.core.surface.trust_kernels import (
     brightness_balance, distrust_islands, find_hidden, HOPELESS_ODDS, ISLAND_ODDS, join_nodes,
     MISFIT_CAP, root_of, settle, UNKNOWN_ODDS, weigh_evidence)
@@ -54,6 +56,7 @@ TRUNCATION = F4(TUNING.neighbors.misfit_cap)
 JOINED_DISTANCE = F4(TUNING.trust.joined_distance)
 HIDDEN_DISTANCE = F4(TUNING.trust.hidden_distance)
 FORM = np.array(TUNING.trust.form, F4)
+NO_BRIGHTNESS = (np.zeros((0, 0), F4),) * 4 + (F4(1),)
 MATRIX = np.array([[1.1, 0.05, 0.02], [-0.04, 0.9, -0.03]], F4)
 
 
@@ -287,6 +290,64 @@ def compiled_linearize(left, right, shape, tiles):
     return out
 
 
+@pytest.mark.parametrize('fold', [False, True])
+@pytest.mark.parametrize('tiles', [TILES, TILES[1:]])
+def test_brightness_is_added_to_the_linearized_colors(tiles, fold):
+    left, right = (np.ascontiguousarray(view[[0, 2]]) for view in views(14))
+    shape = planes(15)
+    before = np.random.default_rng(16).uniform(0, 9, (3, *SHAPE)).astype(F4)
+    before[2][::5, ::3] = np.nan  # the colors say nothing
+    out, own = before.copy(), unknown(1)[0]
+    linearize_brightness(*left, *right, PSF, *shape, tiles, ROBUST, F4(0.6), F4(3.0), fold, *out,
+                         own)
+    expected = naive.linearize_brightness(left, right, float(PSF), shape, tiles, float(ROBUST),
+                                          0.6, 3.0, fold, before.astype(float))
+    inside = np.isfinite(expected[0])
+    np.testing.assert_allclose(out[:, inside], expected[:3, inside], rtol=1e-3, atol=2e-3)
+    np.testing.assert_allclose(own, expected[3], rtol=1e-3, atol=1e-4)
+    np.testing.assert_array_equal(out[:, ~inside], before[:, ~inside])
+
+
+def test_seeds_near_a_plane_hold_it():
+    rng = np.random.default_rng(17)
+    d = planes(18)[0]
+    seed = d + rng.normal(0, 1, SHAPE).astype(F4)
+    weight = np.maximum(rng.uniform(-1, 3, SHAPE), 0).astype(F4)
+    moment = rng.normal(0, 3, SHAPE).astype(F4)
+    found = weight.copy(), moment.copy()
+    add_seeds(seed, d, TILES[:-1], F4(1.1), F4(0.2), F4(3), *found)
+    expected = naive.add_seeds(seed, d, TILES[:-1], F4(1.1), 0.2, 3.0, weight, moment)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
+    assert 0.1 < np.mean(found[0][INNER] != weight[INNER]) < 0.8
+
+
+@pytest.mark.parametrize('step', [1, 2, 3])
+def test_nodes_with_a_rival_are_counted(step):
+    rng = np.random.default_rng(19)
+    total = rng.integers(0, 3000, (21, 9, 70)).astype(I2)
+    trust = rng.integers(14, 17, (21, 70)).astype(I2)
+    counts = np.full((BANDS, 2), -1, np.int64)
+    count_rivals(total, trust, I2(16), 300, 120, step, counts)
+    expected = naive.count_rivals(total, trust, 16, 300, 120, step)
+    assert counts.sum(axis=0).tolist() == expected
+    assert 0 < expected[1] < expected[0]
+
+
+@pytest.mark.parametrize('channels', [1, 3])
+@pytest.mark.parametrize('column, step', [(PAD, 1), (0, 2)])
+def test_colors_are_given_the_brightness_against_their_surroundings(column, step, channels):
+    rng = np.random.default_rng(20)
+    size = SHAPE[0], COLUMNS * step + PAD
+    u, v = rng.uniform(-1, 2, size).astype(F4), rng.uniform(-1.5, 1.5, size).astype(F4)
+    s, mean = rng.uniform(0, 600, (2, *size)).astype(F4)
+    out = np.empty((ROWS, COLUMNS, channels), np.uint8)
+    local_colors(u, v, s, mean, PAD, column, step, F4(12), F4(70), out)
+    expected = naive.local_colors(u, v, s, mean, PAD, column, step, 12.0, 70.0, channels,
+                                  (ROWS, COLUMNS))
+    np.testing.assert_allclose(out, np.floor(expected), atol=1)  # a rounding may cross a number
+    assert np.mean(out == np.floor(expected)) > 0.99
+
+
 @pytest.mark.parametrize('fraction', [0.1, 0.25, 0.5, 0.75, 0.9])
 def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
     phase = 2 * np.pi / 12
@@ -483,19 +544,22 @@ def test_smooth_tiles_hold_one_surface(change):
     assert smooth[0] == (change in ('nothing', 'dark', 'dark jump'))
 
 
+@pytest.mark.parametrize('bright', [False, True])
 @pytest.mark.parametrize('judged', [False, True])
 @pytest.mark.parametrize('step, tiles', [(1, TILES), (4, TILES[:1]), (2, TILES[2:])])
-def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged):
+def test_nodes_take_the_plane_of_the_neighbor_that_fits_best(step, tiles, judged, bright):
     left, right = views(20)
+    own = [np.ascontiguousarray(each[[0, 2]]) for each in views(24)]
+    brightness = (*own[0], *own[1], F4(0.7)) if bright else NO_BRIGHTNESS
     shape = planes(21, unknown_share=0.15)
     out = unknown(4)
     out[3] = np.random.default_rng(23).uniform(5, 30, SHAPE)
     own_cost = out[3].copy() if judged else None
-    propagate(*left, *right, PSF, MATRIX, F4(1.3), TRUNCATION, F4(0.5), *shape,
+    propagate(*left, *right, PSF, MATRIX, F4(1.3), TRUNCATION, F4(0.5), brightness, *shape,
               tiles, step, judged, *out)
     expected = naive.propagate(left.astype(float), right.astype(float), float(PSF),
                                MATRIX.astype(float), 1.3, float(TRUNCATION), 0.5, shape,
-                               tiles, step, own_cost)
+                               tiles, step, own_cost, (*own, 0.7) if bright else None)
     inside = np.isfinite(expected[3])
     out[3][~inside] = np.nan
     np.testing.assert_allclose(out[3], expected[3], rtol=1e-3, atol=1e-3)
@@ -512,7 +576,7 @@ def test_the_frame_is_as_wide_as_windows_and_steps_reach():
 def test_tiles_far_from_any_plane_stay_unknown():
     left, right = views(22)
     out = np.zeros((4, *SHAPE), F4)
-    propagate(*left, *right, PSF, MATRIX, F4(1), TRUNCATION, F4(0.5),
+    propagate(*left, *right, PSF, MATRIX, F4(1), TRUNCATION, F4(0.5), NO_BRIGHTNESS,
               *unknown(3), TILES, 2, False, *out)
     assert np.isnan(out[0][INNER]).all()
     assert (out[3][INNER] == TRUNCATION).all()

@@ -35,6 +35,7 @@ FORMULAS = {
     'weigh_evidence',     # a mean of nine
     'linearize',          # cubic Lagrange interpolation
     'row_cells',          # the same, and a derivative from five rows
+    'linearize_brightness',  # the same as `linearize`
     'logistic',           # the series of the exponential function, and its range
     'join_nodes',         # bits of a link
     'independent_pixels',  # 4 pi sigma^2, the area of a Gaussian correlation
@@ -70,7 +71,7 @@ def test_every_constant_has_unit_reason_and_provenance(entry):
 
 def test_every_change_for_a_pattern_has_a_provenance():
     known = {entry.name: entry.value for entry in listed(TUNING)}
-    for changes in (surface.PERIODIC, surface.COUNTED, slow(4)):
+    for changes in (surface.PERIODIC, slow(4)):
         for name, change in changes.items():
             assert change.value != known[name] or name == 'coarse.smoothness', name
             assert change.provenance.kind in KINDS and change.provenance.text, name

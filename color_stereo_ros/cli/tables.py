@@ -52,8 +52,8 @@ def command_table():
 
 def tuning_table():
     """Return every constant of the surface method, with its values under other patterns."""
-    from ..core.surface.tuning import COUNTED, PERIODIC, slow, TUNING
-    return constant_table(TUNING, {'periodic': PERIODIC, 'counted': COUNTED, 'slow': slow(4)})
+    from ..core.surface.tuning import PERIODIC, slow, TUNING
+    return constant_table(TUNING, {'periodic': PERIODIC, 'slow': slow(4)})
 
 
 def paper_tuning_table():

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .constants import constant, Constants, derived, unexplained
+from .constants import chosen, constant, Constants, derived, unexplained
 from .status import Status
 
 FIRST = 'The value of the first version (4de8491).'
@@ -21,6 +21,9 @@ class AccountTuning(Constants):
     gray_share: float = constant(
         0.999, '1', 'Share of pixels without color from which an image is gray.',
         unexplained('A few damaged pixels may have a color. ' + FIRST))
+    mosaic_ratio: float = constant(
+        1.3, '1', 'Change from column to column over that to the next but one, from which a gray '
+        'image is a mosaic.', chosen('Noise alone: 1; surfaces and patterns: less.'))
     dark: int = constant(
         16, 'DN', 'Brightest channel up to which an image says nothing about color.',
         unexplained(FIRST))
@@ -86,9 +89,15 @@ def doubts_about_images(left, right):
         Sentences for people; empty if the pair looks as it should.
 
     """
-    doubts = [f'the {name} image is gray: a mono camera, or raw Bayer data without '
-              'demosaicing'
-              for name, image in (('left', left), ('right', right)) if _is_gray(image)]
+    gray = {'left': _is_gray(left), 'right': _is_gray(right)}
+    doubts = []
+    if all(gray.values()):
+        doubts += ['both images are gray, and their columns alternate: raw Bayer data without '
+                   'demosaicing'] * _alternates(left)
+    elif any(gray.values()):
+        name = 'left' if gray['left'] else 'right'
+        doubts += [f'the {name} image is gray, the other one is not: a mono camera, or raw Bayer '
+                   'data without demosaicing']
     if np.array_equal(left, right):
         doubts.insert(0, 'left and right image are identical: one camera, or one file twice')
     return doubts
@@ -99,6 +108,22 @@ def _is_gray(image):
     colorless = brightest - image.min(axis=2) <= TUNING.gray_difference
     return bool(brightest.max(initial=0) > TUNING.dark
                 and colorless.mean() >= TUNING.gray_share)
+
+
+def _alternates(image):
+    """Return whether adjacent columns differ clearly more than those two apart: a mosaic does."""
+    levels = image[..., 1].astype(np.int16)
+    near, far = (np.abs(levels[:, step:] - levels[:, :-step]).mean() for step in (1, 2))
+    return bool(near > TUNING.mosaic_ratio * max(far, 1.0))
+
+
+def doubt_about_rivals(result):
+    """Return that an aperiodic pattern seems to repeat in the images; None where it does not."""
+    if not result.rival_share:
+        return None
+    return ('the pattern repeats or does not show, although pattern.type names one whose colors '
+            f'never come again; {result.rival_share:.0%} of the lit surface match at several '
+            'places')
 
 
 def doubts_about_result(stereo, left, right, result):
@@ -122,7 +147,7 @@ def doubts_about_result(stereo, left, right, result):
     """
     few = doubt_about_ranges(status_shares(result.status))
     return [*doubts_about_rows(result), *doubts_about_order(stereo, left, right, result),
-            *filter(None, [few])]
+            *filter(None, [doubt_about_rivals(result), few])]
 
 
 def doubts_about_rows(result):

@@ -28,6 +28,11 @@ class Measurement:
     """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
     alignment: Alignment | None = field(default=None, kw_only=True)
     """By how much the rows of the two views disagree; None: the method does not measure it."""
+    rival_share: float = field(default=0.0, kw_only=True)
+    """
+    Share of the lit surface that matches at several places, 0..1, where a pattern whose colors
+    never come again does not explain the images; 0 where it does, or such colors may come again.
+    """
 
 
 @dataclass(frozen=True, eq=False)

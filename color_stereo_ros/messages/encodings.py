@@ -16,7 +16,10 @@ BAYER = {'bayer_rggb': cv2.COLOR_BayerRGGB2RGB, 'bayer_bggr': cv2.COLOR_BayerBGG
          'bayer_gbrg': cv2.COLOR_BayerGBRG2RGB, 'bayer_grbg': cv2.COLOR_BayerGRBG2RGB}
 """OpenCV's conversion of a mosaic to RGB; the encodings of messages end with 8 or 16."""
 
-READ = (*PLAIN, *(name + bits for bits in ('8', '16') for name in BAYER))
+MONO = {'mono': cv2.COLOR_GRAY2RGB}
+"""OpenCV's conversion of a gray image to RGB; the encodings of messages end with 8 or 16."""
+
+READ = (*PLAIN, *(name + bits for bits in ('8', '16') for name in (*BAYER, *MONO)))
 """The encodings that `reading.image_to_rgb` reads."""
 
 WRITTEN = {'rgb8': (np.uint8, 3), 'bgr8': (np.uint8, 3), 'mono8': (np.uint8, 1),
@@ -24,20 +27,20 @@ WRITTEN = {'rgb8': (np.uint8, 3), 'bgr8': (np.uint8, 3), 'mono8': (np.uint8, 1),
            **{name + '8': (np.uint8, 1) for name in BAYER}}
 """Type and channels of the encodings that `contents.image` writes."""
 
-_COLORLESS = ('mono8', 'mono16', '8UC1', '16UC1', '32FC1', '64FC1')
+_NUMBERS = ('8UC1', '16UC1', '32FC1', '64FC1')
 
 
 def conversion(encoding):
     """Return OpenCV's conversion to RGB, None if the encoding is RGB already."""
     if encoding in PLAIN:
         return PLAIN[encoding][1]
-    return BAYER[encoding.removesuffix('16').removesuffix('8')]
+    return (BAYER | MONO)[encoding.removesuffix('16').removesuffix('8')]
 
 
 def complaint(encoding):
     """Return why images of an encoding cannot be read, as a sentence without an end."""
-    if encoding in _COLORLESS:
-        reason = 'has no color, but the pattern is told apart by its color'
+    if encoding in _NUMBERS:
+        reason = 'does not tell what its numbers are; gray images are mono8 or mono16'
     elif encoding in ('8UC3', '8UC4'):
         reason = 'does not tell the order of its channels'
     elif encoding == '':

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ImageError
 from .contents import Header, Image, Time
-from .encodings import complaint, conversion, PLAIN, READ
+from .encodings import complaint, conversion, MONO, PLAIN, READ
 
 _MIN_BAYER_SIZE = 3
 _MAX_SIDE = 32767  # OpenCV's remap stores coordinates in 16 bits
@@ -29,18 +29,18 @@ def image_to_rgb(msg, significant_bits=16):
     msg : sensor_msgs.msg.Image
         Any of `encodings.READ`.
     significant_bits : int
-        8 .. 16: of 16-bit Bayer images, whose full scale is 2^significant_bits - 1. The highest 8
+        8 .. 16: of 16-bit Bayer and gray images, whose full scale is 2^significant_bits - 1. The highest 8
         of these bits are used; larger values count as full scale.
 
     Returns
     -------
     rgb : numpy.ndarray, uint8, shape (H, W, 3)
-        C-contiguous; shares memory with the message if that is rgb8 without padding.
+        C-contiguous; gray images have three equal channels. Shares memory with the message if that is rgb8 without padding.
 
     Raises
     ------
     ImageError
-        For an encoding without color or unknown, a size of zero, a step too small, or data that
+        For an unknown encoding, a size of zero, a step too small, or data that
         are shorter or longer than height * step.
 
     """
@@ -55,7 +55,7 @@ def image_to_rgb(msg, significant_bits=16):
 
 
 def largest_value(msg):
-    """Return the largest value of a 16-bit Bayer image, 0 .. 65535; -1 for any other image."""
+    """Return the largest value of a 16-bit Bayer or gray image, 0 .. 65535; -1 for others."""
     pixels = check_image(msg)
     if msg.encoding in PLAIN or pixels.shape[2] != 2:
         return -1
@@ -90,7 +90,8 @@ def check_image(msg):
     if msg.encoding in PLAIN:
         return _pixels(msg, PLAIN[msg.encoding][0])
     pixels = _pixels(msg, 1 if msg.encoding.endswith('8') else 2)
-    if min(msg.width, msg.height) < _MIN_BAYER_SIZE:
+    mosaic = msg.encoding.removesuffix('16').removesuffix('8') not in MONO
+    if mosaic and min(msg.width, msg.height) < _MIN_BAYER_SIZE:
         raise ImageError(f'{msg.width} x {msg.height} px is too small for {msg.encoding}, '
                          f'expected at least {_MIN_BAYER_SIZE} x {_MIN_BAYER_SIZE} px')
     return pixels

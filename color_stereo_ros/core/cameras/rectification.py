@@ -73,9 +73,10 @@ class Rectifier:
         return self._resampled(image, 0)
 
     def checked(self, left, right):
-        """Return both images as contiguous arrays, or raise ImageError."""
-        return (checked_image('left', left, self.geometry),
+        """Return both images as contiguous RGB arrays, or raise ImageError; gray has no color."""
+        pair = (checked_image('left', left, self.geometry),
                 checked_image('right', right, self.geometry))
+        return tuple(colored(image, bits_of(pair)) for image in pair)
 
     def _resampled(self, image, side):
         if self.rectified_input:
@@ -88,13 +89,35 @@ def checked_image(name, image, geometry):
     """Return the image as a contiguous array, or raise ImageError."""
     if not isinstance(image, np.ndarray):
         raise ImageError(f'{name} image is a {type(image).__name__}, expected a numpy array')
-    if image.dtype != np.uint8:
-        raise ImageError(f'{name} image has dtype {image.dtype}, expected uint8')
+    gray = image.shape == (geometry.height, geometry.width)
+    allowed = (np.uint8, np.uint16) if gray else (np.uint8,)
+    if image.dtype not in allowed:
+        raise ImageError(f'{name} image has dtype {image.dtype}, expected uint8'
+                         + (' or uint16' if gray else ''))
     expected = (geometry.height, geometry.width, 3)
-    if image.shape != expected:
+    if not gray and image.shape != expected:
         raise ImageError(f'{name} image has shape {image.shape}, expected {expected} '
-                         '(rows, columns, RGB) as calibrated')
+                         f'(rows, columns, RGB) or {expected[:2]} (gray) as calibrated')
     return np.ascontiguousarray(image)
+
+
+def bits_of(images):
+    """Return how many bits the brightest pixel of some images needs, at least 8."""
+    return max(8, 8, *(int(image.max(initial=0)).bit_length() for image in images
+                    if image.dtype == np.uint16))
+
+
+def colored(image, bits):
+    """
+    Return an image as uint8 (H, W, 3), without color if it has none.
+
+    bits: of the values of uint16 images, the highest 8 of which are kept. A pair shares them, so
+    that its brightness stays comparable.
+
+    """
+    if image.dtype == np.uint16:
+        image = (image >> np.uint16(bits - 8)).astype(np.uint8)
+    return image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
 
 
 def raw_coordinates(camera):

@@ -22,11 +22,6 @@ class Expectation:
         """Return whether the same colors may come again within the search."""
         return not self.aperiodic and self.cycles > 1
 
-    @property
-    def counted(self):
-        """Return whether the pattern has several cycles of a known number."""
-        return self.repeats and math.isfinite(self.cycles)
-
     @classmethod
     def of(cls, pattern):
         """

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..compiled import BANDS
 from ..triangulation import search_interval
-from .coarse_kernels import add_turned, cost_volume, reduce_colors, sgm_paths, winners
+from .coarse_kernels import (
+    add_turned, cost_volume, count_rivals, reduce_colors, sgm_paths, winners)
 from .grid_kernels import F4, PAD
 
 
@@ -23,6 +24,13 @@ class Seeds:
     """Nodes of the half grid per coarse node, in rows and in columns."""
     clear_share: np.ndarray
     """float32 (h, w), share of the nodes around with one clear minimum; None: no repetitions."""
+    offset: float
+    """
+    Added to the disparities, px. Right coarse nodes are averages of columns that lie half a pixel
+    further right.
+    """
+    period_odds: np.ndarray = None
+    """float32 (h, w) of the coarse grid, log-odds of the right period; None: not in doubt."""
 
 
 class CoarseSearch:
@@ -61,6 +69,8 @@ class CoarseSearch:
         self.penalties = [np.int16(round(smoothness * penalty))
                           for penalty in (coarse.small_step, coarse.large_step)]
         self.least_gap = round(tuning.repetition.least_gap * coarse.large_step)
+        self.repetition = tuning.repetition
+        self.rivals = np.zeros((BANDS, 2), np.int64)
         self.region = 2 * (tuning.repetition.surroundings,)
         self.scale, self.full_trust = F4(coarse.color_scale), F4(coarse.full_trust)
         self.texture = F4(coarse.color_scale * (coarse.texture * matching.texture))
@@ -83,7 +93,7 @@ class CoarseSearch:
             np.int16)
         self.disparity, self.clear = arena.empty((2, h, w), F4)
         self.clear_share = np.ones((h, w), F4) if self.least_gap > 0 else None
-        self.seeds = Seeds(self.disparity, self.factor, self.clear_share)
+        self.seeds = Seeds(self.disparity, self.factor, self.clear_share, -0.5)
         self.best = arena.empty((BANDS, 2, w), np.int32)
 
     def search(self, views):
@@ -107,6 +117,53 @@ class CoarseSearch:
         if self.least_gap > 0:
             cv2.blur(self.clear, self.region, dst=self.clear_share)
         return self.seeds
+
+    def rival_share(self):
+        """Return the share of the lit nodes with a match that match well at two places."""
+        tuning = self.repetition
+        count_rivals(self.upright.total, self.upright.left[3], np.int16(16),
+                     round(tuning.noticed_cost * self.tuning.large_step),
+                     round(tuning.noticed_gap * self.tuning.large_step), tuning.noticed_step,
+                     self.rivals)
+        lit, found = self.rivals.sum(axis=0)
+        return float(found / lit) if lit else 0.0
+
+    def period_odds(self, found):
+        """
+        Return the share of clear nodes, and the log-odds of the right period, float32 (h, w).
+
+        The odds rise with that share, and where another search agrees. A bare
+        surface without any depth edge around gets those of the coarse search alone.
+
+        Parameters
+        ----------
+        found : Seeds
+            Of the half grid, on the same pair.
+
+        """
+        tuning = self.repetition
+        gap = self.least_gap or round(tuning.noticed_gap * self.tuning.large_step)
+        winners(self.upright.total, self.first, gap, self.disparity, self.clear, self.best)
+        clear = cv2.blur(self.clear, self.region)
+        h, w = self.disparity.shape
+        ours = (F4(2 * self.factor) * self.disparity - F4(0.5))
+        theirs = F4(2) * found.disparity[self.factor // 2::self.factor,
+                                         self.factor // 2::self.factor][:h, :w]
+        agree = (np.abs(ours - theirs) < F4(2 * self.factor * tuning.agreement)).astype(F4)
+        agree = cv2.blur(agree, 2 * (tuning.agreement_surroundings,))
+        alone, both, apart = (np.interp(clear, tuning.clear_shares, odds) for odds in (
+            tuning.odds, tuning.agreed_odds, tuning.contested_odds))
+        known = apart + agree * (both - apart)
+        return clear, (alone + self.anchored(theirs) * (known - alone)).astype(F4)
+
+    def anchored(self, disparity):
+        """Return how far depth edges around tell the period of a disparity, float32 0 .. 1."""
+        jumps = np.zeros(disparity.shape, F4)
+        jumps[:, 1:] = np.abs(disparity[:, 1:] - disparity[:, :-1]) > F4(
+            2 * self.factor * self.repetition.agreement)
+        around = 2 * (self.repetition.anchor_surroundings,)
+        share = cv2.blur(jumps, around) / F4(self.repetition.anchor_share)
+        return np.minimum(share, F4(1))
 
     def aggregate(self):
         """

@@ -260,6 +260,34 @@ def has_rival(total, x, at, bound):
     return False
 
 
+@banded()
+def count_rivals(k, total, trust, full_trust, worst, gap, step, counts):
+    """
+    Count the nodes that match well at two places.
+
+    Looks at every step-th node of every step-th row whose trust, int16 (rows, columns), is
+    full_trust, and whose best match costs less than worst. counts, int64 (BANDS, 2), takes how many there are, and how many have a disparity
+    more than RIVAL_DISTANCE nodes from the best one that costs less than gap more.
+
+    """
+    rows = total.shape[0]
+    first, last = band(k, rows)
+    least, best = stack_integers(), stack_integers()
+    counts[k, 0] = 0
+    counts[k, 1] = 0
+    for y in range(first + (-first) % step, last, step):
+        costs = total[y]
+        for left in range(0, costs.shape[1], LENGTH):
+            cheapest(costs, left, least, best)
+            stop = min(left + LENGTH, costs.shape[1])
+            for x in range(left + (-left) % step, stop, step):
+                at, low = I4(best[x - left]), I4(least[x - left])
+                if (trust[y, x] >= full_trust) & (low < worst):
+                    counts[k, 0] += 1
+                    if has_rival(costs, x, at, low + gap):
+                        counts[k, 1] += 1
+
+
 @part()
 def tip_offset(before, here, after):
     """Return the offset of the tip of a V with equal slopes through three costs, float32."""

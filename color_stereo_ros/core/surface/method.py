@@ -36,18 +36,20 @@ from ..patterns.expectation import Expectation
 from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
 from .bends import Bends
+from .brightness import BrightnessCarrier, is_gray
 from .coarse import CoarseSearch
 from .even import Evening
 from .grid import HalfGrid
-from .grid_kernels import F4
+from .grid_kernels import F4, SILENT_VARIANCE
 from .neighbors import propagate_planes, rough_tiles
 from .pair_model import color_matrix, PairModel
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .quality import Quality
 from .rows import RowTracker
+from .texture import detail, TextureSearch
 from .trust import Trust
-from .tuning import tuning_for
+from .tuning import detailed_tuning, tuning_for
 from .views import Views
 
 
@@ -81,6 +83,11 @@ class SurfaceMethod:
         self.views = Views(calibration, grid, settings, tuning, rectified_input, arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
+        self.texture = TextureSearch(grid, limits, tuning)
+        self.brightness = BrightnessCarrier(self.views, tuning, arena)
+        self.expectation = Expectation.of(settings.pattern)
+        self.in_force = tuning
+        self.detailed = detailed_tuning(tuning)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
@@ -97,6 +104,18 @@ class SurfaceMethod:
         if settings.matching.refinements:
             # the black pair that warms the kernels has no colors to match
             color_matrix(self.views, self.planes, F4(1), tuning)
+        self.warm_brightness()
+
+    def warm_brightness(self):
+        """Run the kernels of pairs whose brightness counts: the black pair shows no detail."""
+        views, planes, brightness = self.views, self.planes, self.brightness
+        brightness.load(views)
+        found = self.texture.search(views, False)
+        self.coarse.rival_share()
+        self.coarse.period_odds(found)
+        brightness.rely_on(found, views.grid)
+        self.linearize(views, planes.seed(found), PairModel.neutral(views), planes.tiles[:1])
+        brightness.rest()
 
     def measure(self, left, right, clock, alignment=None, search=None):
         """
@@ -123,24 +142,44 @@ class SurfaceMethod:
         else:
             alignment, pair, seeds = self.match_aligned(left, right, alignment, search, clock)
         views, planes = self.views, self.planes
-        if self.settings.matching.refinements:
-            solver = self.least_squares
-            self.bends.correct(solver.linearized, views, planes, pair, solver)
-            clock.lap('bend', planes)
-            self.quality.correct_variance(solver.linearized, planes, solver.reference)
-        self.least_squares.correct_variance(planes)
-        if views.compressed:
-            planes.variance *= self.tuning.raw.noise_correlation
+        self.correct_variance(views, planes, pair, clock)
         if self.aligner is not None:
             self.rows.widen(planes, alignment)
-        verdict = self.trust.judge(views, planes, seeds)
+        verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
+                                   self.brightness.light(views.left))
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
                                       self.trust.least_odds)
         clock.lap('expand', measurement)
-        return replace(measurement, alignment=alignment if self.aligner else None)
+        return replace(measurement, alignment=alignment if self.aligner else None,
+                       rival_share=self.rival_share)
+
+    def correct_variance(self, views, planes, pair, clock):
+        """
+        Put planes of bent surfaces in the right place, and make all variances true.
+
+        Writes d, a, b, variance and misfit of planes. Where brightness counts, variances stay.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField
+            After all rounds.
+        pair : PairModel
+        clock : Stopwatch
+
+        """
+        solver = self.least_squares
+        if not self.brightness.active:
+            if self.settings.matching.refinements:
+                self.bends.correct(solver.linearized, views, planes, pair, solver)
+                clock.lap('bend', planes)
+                self.quality.correct_variance(solver.linearized, planes, solver.reference)
+            solver.correct_variance(planes)
+        if views.compressed:
+            planes.variance *= self.tuning.raw.noise_correlation
 
     def match_aligned(self, left, right, alignment, search, clock):
         """
@@ -186,16 +225,90 @@ class SurfaceMethod:
         """
         views = self.views.load(left, right, applied)
         clock.lap('colors', views)
-        seeds = self.coarse.search(views)
+        seeds = self.seeds(views, self.gray(left, right))
         clock.lap('coarse', seeds)
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
         if self.settings.matching.refinements:
             pair = self.fit_seeds(views, planes, pair, clock)
-        if self.evening.on:
+        if self.evening.on and not self.brightness.active:
             pair = self.even_out(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
         return pair, seeds
+
+    def gray(self, left, right):
+        """Return whether neither raw image has any color."""
+        tuning = self.tuning.brightness
+        return is_gray(left, tuning) and is_gray(right, tuning)
+
+    def seeds(self, views, gray):
+        """
+        Return the seeds of a pair, and decide which carriers count in it.
+
+        Parameters
+        ----------
+        views : Views
+        gray : bool
+            Neither image has any color.
+
+        Returns
+        -------
+        seeds : Seeds
+
+        """
+        brightness = self.brightness
+        brightness.rest()
+        self.rival_share = 0.0
+        self.suit(self.tuning)
+        if gray:
+            self.suit(self.detailed)
+            seeds = self.texture.search(views, gray)
+            brightness.replace_colors(views)
+            brightness.rely_on(seeds, views.grid)
+            return seeds
+        if self.expectation.aperiodic:
+            coarse = self.coarse.search(views)
+            share = self.coarse.rival_share()
+            if share < self.tuning.repetition.noticed_share:
+                return coarse
+            self.rival_share = share
+        brightness.load(views)
+        return self.detailed_seeds(views)
+
+    def detailed_seeds(self, views):
+        """
+        Return the seeds of the search for texture, or of the coarse search where there is none.
+
+        Without detail at most nodes brightness does not count. Slow colors are then averaged, and
+        otherwise fitted like others.
+
+        """
+        brightness, tuning = self.brightness, self.tuning.brightness
+        slow = self.tuning.views.averaging_radius > 0
+        quiet = detail(views, brightness, tuning, not slow) < F4(tuning.least_detail)
+        lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
+        detailed = lit.any() and np.mean(quiet[lit]) < 1 - tuning.detailed_share
+        if detailed:
+            self.suit(self.detailed)
+        elif slow:
+            views.average()
+        coarse = self.coarse.seeds if self.expectation.aperiodic else self.coarse.search(views)
+        if not detailed:
+            brightness.rest()
+            return coarse
+        found = self.texture.search(views, False)
+        brightness.rely_on(found, views.grid)
+        if self.expectation.aperiodic or self.expectation.repeats:
+            clear, odds = self.coarse.period_odds(found)
+            return replace(found, clear_share=clear, period_odds=odds)
+        return found
+
+    def suit(self, tuning):
+        """Fit and judge by the constants of a Tuning from here on."""
+        if tuning is not self.in_force:
+            self.least_squares.suit(tuning.planes)
+            self.trust.suit(tuning)
+            self.in_force = tuning
 
     def fit_seeds(self, views, planes, pair, clock):
         """
@@ -218,11 +331,12 @@ class SurfaceMethod:
 
         """
         solver = self.least_squares
-        linearized = solver.linearize(views, planes, pair, planes.tiles)
+        linearized = self.linearize(views, planes, pair, planes.tiles)
         solver.fit(linearized, views, planes, pair, planes.tiles, turn=0)
         clock.lap('fit 1', planes)
-        solver.linearize(views, planes, pair, planes.tiles)
+        self.linearize(views, planes, pair, planes.tiles, fold=False)
         pair = pair.measured(views, planes, self.match_colors, self.tuning)
+        self.brightness.measure(views)
         clock.lap('compare 1', pair)
         return pair
 
@@ -275,6 +389,12 @@ class SurfaceMethod:
         neutral = PairModel.neutral(views)
         self.least_squares.linearize(views, planes, neutral, planes.tiles)
         return neutral.measured(views, planes, self.match_colors, self.tuning)
+    def linearize(self, views, planes, pair, tiles, fold=True):
+        """Compare the nodes of some tiles in all carriers; see `LeastSquares.linearize`."""
+        solver = self.least_squares
+        linearized = solver.linearize(views, planes, pair, tiles)
+        self.brightness.add(linearized, views, planes, tiles, solver.reference, fold)
+        return linearized
 
     def refine(self, turn, views, planes, pair, clock):
         """
@@ -296,16 +416,17 @@ class SurfaceMethod:
         solver, edges = self.least_squares, planes.tiles
         if self.settings.matching.propagation:
             edges = rough_tiles(views, planes, solver.smooth_steps[-1])
-            propagate_planes(views, planes, pair, edges, turn, self.tuning.neighbors)
+            propagate_planes(views, planes, pair, edges, turn, self.in_force.neighbors,
+                             self.brightness)
             clock.lap(f'propagate {turn}', planes)
         # colors and noise are known better after the first round: everything is fitted anew
-        fitted = planes.tiles if turn < self.tuning.planes.full_rounds else edges
-        linearized = solver.linearize(views, planes, pair, fitted)
+        fitted = planes.tiles if turn < self.in_force.planes.full_rounds else edges
+        linearized = self.linearize(views, planes, pair, fitted)
         narrow = solver.fit(linearized, views, planes, pair, fitted, turn)
         clock.lap(f'fit {turn + 1}', planes)
         # only tiles near depth edges: the misfit of all others, which the trust reads, and their
         # linearized nodes stay those of the planes before this fit
-        linearized = solver.linearize(views, planes, pair, edges)
+        linearized = self.linearize(views, planes, pair, edges)
         clock.lap(f'compare {turn + 1}', pair)
         # the misfit of polished tiles is likewise that before they are polished
         solver.polish(linearized, views, planes, pair, narrow)

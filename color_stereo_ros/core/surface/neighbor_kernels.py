@@ -7,6 +7,7 @@ from ..compiled import band, banded, part, stack_array, stack_row
 from .grid_kernels import (
     any_above, copy_tile, F4, FAST, foreshortening, NAN, PAD, PHASE_VARIANCE, SILENT_VARIANCE,
     TILE_COLUMNS, TILE_ROWS)
+from .texture_kernels import add_patch_brightness
 from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
@@ -101,14 +102,15 @@ def best_shifted_mean(misfit, mean, cost):
 
 @banded()
 def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix, scale, cap,
-              inertia, d, a, b, tiles, step, judged, new_d, new_a, new_b, cost):
+              inertia, brightness, d, a, b, tiles, step, judged, new_d, new_a, new_b, cost):
     """
     Let the nodes of some tiles try the planes of their neighbors `step` nodes away.
 
     A node takes the plane that fits best (see `best_shifted_mean`); its own one is favored by
     `inertia`. If it is `judged`, cost holds its cost from an earlier call. Reads d, a, b, writes
     new_* and cost in the tiles only. Tiles without any known plane in reach stay unknown, at a
-    cost of `cap`.
+    cost of `cap`. brightness: arrays of left and right brightness with their variances and the
+    scale of these, see `texture_kernels`; arrays without entries where it does not count.
 
     """
     first, last = band(k, tiles.shape[0])
@@ -131,6 +133,10 @@ def propagate(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
             else:
                 patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix,
                              scale, cap, d, a, b, top, left, step_y, step_x, misfit)
+                if brightness[0].size > 0:
+                    add_patch_brightness(brightness[0], brightness[1], brightness[2],
+                                         brightness[3], psf, brightness[4], cap, d, a, b, top,
+                                         left, step_y, step_x, HALO, PATCH_MARGIN, misfit)
                 best_shifted_mean(misfit, mean, best if candidate == 0 else trial)
             take_better(trial, inertia, d, a, b, top, left, step_y, step_x, candidate == 0,
                         best, new_d, new_a, new_b, cost)

@@ -5,7 +5,7 @@ from .grid_kernels import F4
 from .neighbor_kernels import HALO, propagate
 
 
-def propagate_planes(views, planes, pair, tiles, turn, tuning):
+def propagate_planes(views, planes, pair, tiles, turn, tuning, brightness):
     """
     Let the nodes of some tiles try the planes of their neighbors (as PatchMatch stereo does).
 
@@ -20,6 +20,7 @@ def propagate_planes(views, planes, pair, tiles, turn, tuning):
     turn : int
         Number of the round, from 1.
     tuning : NeighborTuning
+    brightness : BrightnessCarrier
 
     """
     steps = tuning.steps[min(turn, len(tuning.steps)) - 1]
@@ -30,7 +31,7 @@ def propagate_planes(views, planes, pair, tiles, turn, tuning):
         # the first pass copies the nodes that no pass writes, and writes the cost of the planes
         with planes.rewriting(keep_unwritten=first) as (old, new):
             propagate(left.u, left.v, left.variance, right.u, right.v, right.variance, views.psf,
-                      pair.matrix, pair.scale, cap, inertia, old.d, old.a, old.b, tiles, step,
+                      pair.matrix, pair.scale, cap, inertia, brightness.arrays, old.d, old.a, old.b, tiles, step,
                       not first, new.d, new.a, new.b, planes.cost)
 
 

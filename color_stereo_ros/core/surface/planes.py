@@ -100,9 +100,8 @@ class PlaneField:
         for plane, nothing in zip(self._planes, (np.nan, 0, 0)):
             plane[rows:] = nothing
             plane[:, columns:] = nothing
-        # right coarse nodes are averages of columns that lie half a pixel further right
-        seed_planes(seeds.disparity, seeds.factor, F4(-0.5), *self.grid.nodes, self.d, self.a,
-                    self.b)
+        seed_planes(seeds.disparity, seeds.factor, F4(seeds.offset), *self.grid.nodes, self.d,
+                    self.a, self.b)
         self.cost.fill(1.0)
         self.variance.fill(self.seed_variance)
         return self
@@ -183,9 +182,14 @@ class LeastSquares:
 
     def __init__(self, grid, limits, settings, tuning, arena):
         """Allocate the linearized nodes."""
-        self.tuning = tuning
         self.linearized = Linearized(*(arena.zeros(grid.shape, F4) for _ in range(2)))
         self.reference = F4(np.mean(limits))
+        self.settings = settings
+        self.suit(tuning)
+
+    def suit(self, tuning):
+        """Fit by the constants of a PlaneTuning from here on."""
+        self.tuning, settings = tuning, self.settings
         self.robust_misfit, self.steepest = F4(tuning.robust_misfit), F4(tuning.steepest)
         self.ridge = F4(tuning.ridge if settings.slanted else tuning.rigid_ridge)
         self.gates = np.array(tuning.gates, F4)

@@ -57,12 +57,9 @@ class Trust:
     def __init__(self, grid, limits, settings, tuning, arena):
         """Allocate the evidence."""
         self.grid, self.settings = grid, settings
-        self.tuning, self.repetition = tuning.trust, tuning.repetition
         margin = tuning.pixels.limit_margin
         self.limits = limits + np.array([-margin, margin], F4)
-        self.form = np.array(self.tuning.form, F4)
-        self.form[0, 0] += F4(self.tuning.odds_offset)
-        self.robust_misfit = F4(tuning.planes.robust_misfit)
+        self.suit(tuning)
         self.least_odds = log_odds(settings.matching.min_confidence,
                                    tuning.pixels.least_probability)
         self.log_odds = arena.zeros(grid.shape, F4)
@@ -76,7 +73,14 @@ class Trust:
         self.verdict = Verdict(arena.zeros(grid.shape, F4), arena.zeros(grid.shape, F4),
                                arena.zeros(grid.shape, np.uint8))
 
-    def judge(self, views, planes, seeds):
+    def suit(self, tuning):
+        """Judge by the constants of a Tuning from here on; those of the sizes stay."""
+        self.tuning, self.repetition = tuning.trust, tuning.repetition
+        self.form = np.array(self.tuning.form, F4)
+        self.form[0, 0] += F4(self.tuning.odds_offset)
+        self.robust_misfit = F4(tuning.planes.robust_misfit)
+
+    def judge(self, views, planes, seeds, confirmed=None, light=None):
         """
         Find out how far each node can be trusted, and why some cannot.
 
@@ -85,6 +89,10 @@ class Trust:
         views : Views
         planes : PlaneField
         seeds : Seeds
+        confirmed : numpy.ndarray, float32, shape (rows, columns), optional
+            Added to the log-odds of the nodes.
+        light : numpy.ndarray, float32, framed, optional
+            Brightness that tells whether a node is lit, DN; default: its own.
 
         Returns
         -------
@@ -92,13 +100,19 @@ class Trust:
 
         """
         self.weigh(views, planes)
+        if confirmed is not None:
+            self.log_odds[self.grid.inner] += confirmed
         if self.tuning.discord_odds:
             self.distrust_discord(planes)
         self.distrust_islands(views, planes)
         self.find_hidden(planes)
-        verdict = self.settle(views, planes)
-        if seeds.clear_share is not None:
-            self.doubt_repetitions(seeds.clear_share, verdict)
+        verdict = self.settle(views, planes, views.left.s if light is None else light)
+        if seeds.period_odds is not None:
+            self.doubt_repetitions(self.at_all_nodes(seeds.period_odds), verdict)
+        elif seeds.clear_share is not None:
+            odds = np.interp(self.at_all_nodes(seeds.clear_share), self.repetition.clear_shares,
+                             self.repetition.odds).astype(F4)
+            self.doubt_repetitions(odds, verdict)
         return verdict
 
     def weigh(self, views, planes):
@@ -167,17 +181,17 @@ class Trust:
                         F4(self.tuning.hidden_distance), self.hidden, self.owner,
                         self.owner_odds)
 
-    def settle(self, views, planes):
+    def settle(self, views, planes, light):
         """Return standard deviation, final log-odds and reason of every node."""
         color, verdict = self.settings.color, self.verdict
         rows, columns = self.grid.nodes
         settle(planes.d, planes.variance, self.evidence, planes.cost, self.log_odds, self.hidden,
-               views.left.peak, views.left.s, rows, columns, self.limits,
+               views.left.peak, light, rows, columns, self.limits,
                F4(color.saturation_level - 1), F4(color.min_signal), F4(self.tuning.hidden_odds),
                F4(self.tuning.vague_std), verdict.std, verdict.log_odds, verdict.reason)
         return verdict
 
-    def doubt_repetitions(self, clear_share, verdict):
+    def doubt_repetitions(self, odds, verdict):
         """
         Limit the log-odds of each node to those of the right period.
 
@@ -186,8 +200,6 @@ class Trust:
         them.
 
         """
-        odds = np.interp(self.at_all_nodes(clear_share), self.repetition.clear_shares,
-                         self.repetition.odds).astype(F4)
         rows, columns = self.grid.inner
         framed = np.s_[rows, columns.start - 1:columns.stop + 1]  # `settle` repeats the borders
         np.minimum(verdict.log_odds[framed], np.pad(odds, ((0, 0), (1, 1)), 'edge'),

@@ -11,7 +11,7 @@ of two chromaticities over its variance. A revision such as 53fe5ba is one of th
 
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 from ..constants import Change, changed, chosen, constant, Constants, derived, unexplained
@@ -628,6 +628,76 @@ class QualityTuning(Constants):
 
 
 @dataclass(frozen=True)
+class BrightnessTuning(Constants):
+    """Brightness against its surroundings as a third carrier, and the search that it needs."""
+
+    gray_difference: int = constant(
+        2, 'DN', 'Largest difference of the channels of a pixel without color.',
+        derived('The compression of JPEG leaves 1 or 2 DN in gray images.'))
+    gray_share: float = constant(
+        0.999, '1', 'Share of lit pixels without color from which an image is gray.',
+        unexplained('A few damaged pixels may have a color.'))
+    lit: int = constant(
+        16, 'DN', 'Brightest channel up to which a pixel says nothing about color.',
+        unexplained('As `dark` of core/account.py.'))
+    radius: int = constant(
+        2, 'nodes', 'Radius of the surroundings that the brightness of a node is compared with.',
+        chosen('4: a gray pair .848 instead of .882 right, an unlit one .816 instead of .851; 1: '
+               'median errors a quarter larger.'))
+    offset: float = constant(
+        12.0, 'DN', 'Added to the brightness before its logarithm.',
+        unexplained('As `coarse.texture_offset`.'))
+    brightness_cap: float = constant(
+        12.0, '1', 'Largest misfit of brightness beside that of colors.',
+        unexplained('Where brightness lies, it makes a node doubtful, not hopeless.'),
+        compiled=True)
+    quartile: float = constant(
+        0.1015, '1', 'First quartile of the misfit of brightness where planes are right.',
+        derived('First quartile of chi-square with one degree of freedom.'))
+    surroundings: int = constant(
+        41, 'nodes', 'Width of the surroundings that evens out light before the search.',
+        chosen('Gloss of 30 % over 100 px: seeds right .53 -> .81; 9 and 21 lose up to .02 of '
+               'textured pairs, 41 hardly any.'))
+    level: float = constant(
+        70.0, 'DN', 'Level of each channel in the images that are searched.',
+        unexplained('Three times as bright places are not cut off.'))
+    block: int = constant(
+        3, 'nodes', 'Width of the windows of the search.',
+        chosen('5: .01 fewer seeds within 1 px in five textured pairs, at the same time.'))
+    penalties: tuple = constant(
+        (8, 32), 'per channel and node of a window', 'Penalties of a step of one node and of a '
+        'larger step (P1, P2 of StereoSGBM).', derived("OpenCV's recommendation."))
+    gradient_cap: int = constant(
+        31, 'DN', 'Largest gradient that counts (preFilterCap of StereoSGBM).',
+        unexplained('Lies between the defaults of the two matchers of OpenCV.'))
+    agreement: int = constant(
+        1, 'nodes', 'Largest difference of the matches left to right and right to left.',
+        unexplained('As in the evaluation of OpenCV\'s matchers.'))
+    detail_radius: int = constant(
+        7, 'nodes', 'Radius of the surroundings whose detail is asked for.',
+        unexplained('As the wide window of the least squares.'))
+    seed_std: float = constant(
+        0.25, 'px', 'Standard deviation of what the seeds of a window of `planes.radius` say.',
+        chosen('.6: unlit pair .763 instead of .793 right; .12: z-scores of 2.'))
+    inertia: float = constant(
+        0.5, '1', 'By how much the plane of a neighbor must fit better, see `neighbors.inertia`.',
+        chosen('Unlit pair .793 -> .816 right; 1: .01 more right and .01 more wrong.'))
+    seed_gate: float = constant(
+        1.5, 'px', 'Distance of a seed up to which it holds a plane.',
+        unexplained('As `planes.gates`.'))
+    least_detail: float = constant(
+        0.3, '1', 'Detail of a node below which it tells nothing, see `texture.detail`.',
+        chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
+    detailed_share: float = constant(
+        0.5, '1', 'Share of nodes with so much detail from which brightness counts.',
+        unexplained('Half of the nodes.'))
+    agreement_odds: float = constant(
+        1.5, '1', 'Added to the log-odds of nodes whose plane the search confirms, and taken from '
+        'those where it contradicts.',
+        chosen('Accepted nodes are right by .98 where it confirms them, by .5 where it does not.'))
+
+
+@dataclass(frozen=True)
 class NeighborTuning(Constants):
     """Nodes near depth edges try the planes of their neighbors."""
 
@@ -782,6 +852,38 @@ class RepetitionTuning(Constants):
     odds: tuple = constant(
         PERIOD['odds'], '1', 'Log-odds that the period is right at these shares.',
         PERIOD.provenance('odds'))
+    noticed_gap: float = constant(
+        2.0, 'large steps', 'As `least_gap`, to notice that colors match at several places.',
+        chosen('Default pattern: at most .04 of the nodes, .11 where one view is blurred by 3 px '
+               'or rows differ by 5 px; unlit or repeating colors: .22 and more.'))
+    noticed_cost: float = constant(
+        2.5, 'large steps', 'Cost of the best match from which a node has no match at all.',
+        unexplained('What lies outside the limits matches by chance, at several places.'))
+    noticed_share: float = constant(
+        0.18, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
+        'images show.', chosen('Between these figures.'))
+    noticed_step: int = constant(
+        2, 'coarse nodes', 'Distance of the nodes that are asked for that.',
+        unexplained('A share needs no more.'))
+    agreement: float = constant(
+        1.0, 'coarse nodes', 'Difference of two searches up to which they agree.',
+        unexplained('A period is longer.'))
+    agreement_surroundings: int = constant(
+        5, 'coarse nodes', 'Width of the surroundings in which agreement is counted.',
+        unexplained('Smooths the borders of patches that agree.'))
+    anchor_share: float = constant(
+        0.002, '1', 'Share of coarse nodes at depth edges around from which they tell the period.',
+        unexplained('The edge of one object; a lone bare wall has none.'))
+    anchor_surroundings: int = constant(
+        121, 'coarse nodes', 'Width of the surroundings in which depth edges are looked for.',
+        chosen('Bare wall around a ball: .91 right; 41: .76. A lone wall has no edge anywhere.'))
+    agreed_odds: tuple = constant(
+        (0.9, 0.9, 1.1, 1.3, 2.0, 3.0, 5.0, 14.0), '1', 'As `odds`, where two searches agree.',
+        chosen('Right at these shares on seventeen pairs: .93 .85 .87 .94 .95 .98 1; lower, since '
+               'bare walls under 32 periods are right at half of the places.'))
+    contested_odds: tuple = constant(
+        (0.45, 0.45, 0.45, 0.45, 0.45, 0.6, 2.0, 14.0), '1', 'The same where they do not.',
+        chosen('Right: .81 .71 .64 .57 .51 .85 on the same pairs.'))
     reasons: tuple = constant(
         ('NO_MATCH', 'INCONSISTENT', 'OUT_OF_RANGE', 'IMPLAUSIBLE'), 'Status', 'Reasons that a '
         'wrong period gives; they become AMBIGUOUS where the period is in doubt.',
@@ -817,6 +919,7 @@ class Tuning(Constants):
     planes: PlaneTuning = PlaneTuning()
     bends: BendTuning = BendTuning()
     quality: QualityTuning = QualityTuning()
+    brightness: BrightnessTuning = BrightnessTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
     repetition: RepetitionTuning = RepetitionTuning()
@@ -843,14 +946,6 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
     'views.dark_needs_black': Change(True, derived(
         'Channels that are never dark would lose a part of their light.')),
 }
-COUNTED = {  # under several cycles of a known number
-    'coarse.texture': Change(4.0, chosen(
-        'Shading counts, too: 16 sines on a bench .831 -> .984 within 1 px (dc801e5).')),
-    'coarse.texture_surroundings': Change(41, chosen(
-        'Shading is wider than print. 81 or 161 nodes: better in one pair, worse in another.')),
-}
-
-
 def slow(radius):
     """Return the changes under colors that change slowly and are averaged over a radius, nodes."""
     return {
@@ -892,6 +987,15 @@ def slow(radius):
     }
 
 
+def detailed_tuning(tuning):
+    """Return how planes are fitted and judged where a pair shows detail in its brightness."""
+    if tuning.views.averaging_radius:  # those of slow colors
+        tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
+                         trust=TUNING.trust)
+    return replace(tuning, neighbors=replace(tuning.neighbors,
+                                             inertia=tuning.brightness.inertia))
+
+
 def noise_correlation(radius):
     """
     Return what averaged colors make of the variance of planes that are fitted to them.
@@ -915,8 +1019,6 @@ def changes_for(expectation, width):
     radius = min(views.largest_averaging_radius,
                  round(width / expectation.cycles / views.averaging_period))
     changes = dict(PERIODIC)
-    if expectation.counted:
-        changes |= COUNTED
     if radius:
         changes |= slow(radius)
     if expectation.repeats:

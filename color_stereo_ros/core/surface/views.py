@@ -76,6 +76,7 @@ class Views:
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
         self.compressed = False
+        self.saturation = settings.color.saturation_level - 1
 
     def load(self, left, right, applied):
         """
@@ -106,9 +107,17 @@ class Views:
         self.compressed = all(chroma_is_subsampled(image, self.raw) for image in (left, right))
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
             view.fill(dark, gain, color, self.raw if self.compressed else None)
-        averaged = (1 + 2 * self.tuning.averaging_radius) ** 2
-        self.noise_weight = F4(noise_weight(left, self.tuning) / averaged)
+        self.noise_weight = F4(noise_weight(left, self.tuning))
         return self
+
+    def average(self):
+        """Average slow colors, and let print show in them; where nothing finer is to be seen."""
+        for view in (self.left, self.right):
+            if self.tuning.averaging_radius:
+                view.average()
+            if self.tuning.print_gain:
+                view.add_print()
+        self.noise_weight = F4(self.noise_weight / (1 + 2 * self.tuning.averaging_radius) ** 2)
 
     def share_dark_levels(self, levels):
         """
@@ -228,10 +237,6 @@ class View:
                       self.variance)
         if raw is not None:
             self.sharpen_by_luma(gain, raw)
-        if self.tuning.averaging_radius:
-            self.average()
-        if self.tuning.print_gain:
-            self.add_print()
 
     def sharpen_by_luma(self, gain, raw):
         """

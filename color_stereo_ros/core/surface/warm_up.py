@@ -62,7 +62,7 @@ def main():
     verdict = method.trust.judge(views, planes, method.coarse.seeds)
     measured_pixels(planes, verdict, method.geometry, method.limits, method.trust.least_odds)
     method.rows.measure(views, planes, pair, Alignment.unknown(SIZE))
-    propagate_planes(views, planes, pair, tiles, 1, method.tuning.neighbors)
+    propagate_planes(views, planes, pair, tiles, 1, method.tuning.neighbors, method.brightness)
     solver.linearize(views, planes, pair, tiles)
     planes.seed(method.coarse.search(views))
 

@@ -38,7 +38,8 @@ def without_doubt(pair):
     """Return the tuning for a pair that trusts every period."""
     tuning = pattern_tuning(pair)
     certain = (CERTAIN,) * len(tuning.repetition.odds)
-    return replaced(tuning, {'repetition.odds': certain})
+    return replaced(tuning, {f'repetition.{name}': certain
+                             for name in ('odds', 'agreed_odds', 'contested_odds')})
 
 
 def samples_of(pair, nodes):

@@ -4,8 +4,8 @@
 import re
 import time
 
-from ...core.account import (doubt_about_ranges, doubts_about_images, doubts_about_order,
-                             doubts_about_rows, status_shares, SUSPICIOUS)
+from ...core.account import (doubt_about_ranges, doubt_about_rivals, doubts_about_images,
+                             doubts_about_order, doubts_about_rows, status_shares, SUSPICIOUS)
 
 _PERIOD = 0.5
 """s between two looks at the images."""
@@ -33,7 +33,7 @@ class Doubts:
     def __init__(self, warn, clock=time.monotonic):
         self._warn = warn
         self._clock = clock
-        self._images, self._order = [], []
+        self._images, self._order, self._rivals = [], [], []
         self._kinds = set()
         self._images_due = self._order_due = -float('inf')
         self._wait = _PERIOD
@@ -41,7 +41,7 @@ class Doubts:
     @property
     def current(self):
         """Return the sentences that hold now, but not the one about few ranges."""
-        return [*self._images, *self._order]
+        return [*self._images, *self._order, *self._rivals]
 
     def look(self, stereo, left, right, result):
         """
@@ -66,6 +66,7 @@ class Doubts:
             spent = self._clock() - started
             self._order_due = self._clock() + max(self._wait, _SHARE * spent)
             self._wait = min(2 * self._wait, _LONGEST)
+        self._rivals = list(filter(None, [doubt_about_rivals(result)]))
         self._say(result)
 
     def _look_at_images(self, left, right):

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Search over all disparities at half resolution, for what color alone does not tell."""
+
+import math
+
+import cv2
+import numpy as np
+
+from .coarse import Seeds
+from .grid_kernels import F4, PAD
+from .texture_kernels import local_colors
+
+
+class TextureSearch:
+    """
+    OpenCV's semi-global matcher on the half grid, on colors with evened-out brightness.
+
+    The coarse search knows colors of 4 x 4 pixels and more: fine texture is lost in them.
+
+    Parameters
+    ----------
+    grid : HalfGrid
+    limits : (float, float)
+        Smallest and largest disparity, px.
+    tuning : Tuning
+
+    """
+
+    def __init__(self, grid, limits, tuning):
+        """Prepare the matchers of gray and of color images."""
+        self.grid, self.tuning = grid, tuning.brightness
+        self.least_share = tuning.views.least_inside_share
+        self.first = math.floor(max(limits[0] / 2, 1 - grid.columns))
+        last = math.ceil(min(limits[1] / 2, grid.columns - 1))
+        self.count = -(-max(last - self.first + 1, 1) // 16) * 16
+        self.left_at = max(self.count, -self.first)
+        self.right_at = self.left_at + self.first
+        self.width = max(self.left_at, self.right_at) + grid.columns
+
+    def matcher(self, channels):
+        """Return OpenCV's matcher for images of 1 or 3 channels."""
+        tuning = self.tuning
+        small, large = (penalty * channels * tuning.block ** 2 for penalty in tuning.penalties)
+        return cv2.StereoSGBM_create(
+            minDisparity=0, numDisparities=self.count, blockSize=tuning.block, P1=small,
+            P2=large, disp12MaxDiff=tuning.agreement, preFilterCap=tuning.gradient_cap,
+            uniquenessRatio=0, speckleWindowSize=0, speckleRange=0,
+            mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY)
+
+    def search(self, views, gray):
+        """
+        Search one pair.
+
+        Parameters
+        ----------
+        views : Views
+            Before `BrightnessCarrier.replace_colors`.
+        gray : bool
+            There are no colors to compare.
+
+        Returns
+        -------
+        seeds : Seeds
+            Of the half grid.
+
+        """
+        channels = 1 if gray else 3
+        left, right = (self.image(view, channels) for view in (views.left, views.right))
+        raw = self.matcher(channels).compute(self.on_canvas(left, self.left_at),
+                                             self.on_canvas(right, self.right_at))
+        raw = raw[:, self.left_at:self.left_at + self.grid.columns]
+        found = raw.astype(F4) * F4(1 / 16) + F4(self.first)
+        found[raw < 0] = np.nan
+        return Seeds(found, 1, None, 0.0)
+
+    def image(self, view, channels):
+        """Return the colors of a view on the half grid, uint8 (rows, columns, channels)."""
+        tuning, step = self.tuning, view.columns_per_node
+        across = 1 + 2 * (tuning.surroundings * step // 2), tuning.surroundings
+        mean = cv2.blur(view.s, across) / np.maximum(
+            cv2.blur(view.inside.astype(F4), across), F4(self.least_share))
+        out = np.empty((*self.grid.nodes, channels), np.uint8)
+        local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, step,
+                     F4(tuning.offset), F4(tuning.level), out)
+        return out
+
+    def on_canvas(self, image, at):
+        """Return an image with its borders repeated, so that no place lacks disparities."""
+        after = self.width - at - image.shape[1]
+        return cv2.copyMakeBorder(image, 0, 0, at, after, cv2.BORDER_REPLICATE)
+
+
+def detail(views, brightness, tuning, colors):
+    """
+    Return how much more than noise brightness and colors change around each node.
+
+    Parameters
+    ----------
+    views : Views
+    brightness : BrightnessCarrier
+        Loaded.
+    tuning : BrightnessTuning
+    colors : bool
+        Ask the chromaticities, too.
+
+    Returns
+    -------
+    detail : numpy.ndarray, float32, shape (rows, columns)
+        Mean over the surroundings of the squared change to the next node over its variance, of
+        the carrier that changes most; 1 where the noise of the camera model is all there is.
+
+    """
+    inner, left = views.grid.inner, views.left
+    planes = [tuple(plane[inner] for plane in brightness.planes[0])]
+    if colors:
+        planes += [(each[inner], left.variance[inner]) for each in (left.u, left.v)]
+    size = 2 * tuning.detail_radius + 1
+    most = np.zeros(planes[0][0].shape, F4)
+    for plane, spread in planes:
+        change = plane[:, 1:] - plane[:, :-1]
+        found = np.zeros(most.shape, F4)
+        np.divide(change * change, spread[:, 1:] + spread[:, :-1], out=found[:, 1:])
+        np.maximum(most, cv2.blur(found, (size, size)), out=most)
+    return most
