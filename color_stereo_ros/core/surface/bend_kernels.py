@@ -103,17 +103,18 @@ def bend_row(sums, d, a, b, noise_weight, ridge, steepest, noise, doubt, new_d, 
         spread = inverse + (mean_x * mean_x * yy - F4(2) * mean_x * mean_y * xy
                             + mean_y * mean_y * xx) * inverse_det
         signal = sums[0, x] - noise_weight * sums[9, x]
-        known = known & (signal > LEAST_SIGNAL_SHARE * s0)
+        told = known & (signal > LEAST_SIGNAL_SHARE * s0)
         spread = spread * (s0 / max(signal, LEAST_SIGNAL_SHARE * s0)) * noise
         square = step * step
-        share = max(F4(1) - spread / max(square, F4(1e-12)), F4(0))
+        known = told & (square > spread)
+        share = (square - spread) / (square if known else F4(1))
         share = share if known else F4(0)
         left = (F4(1) - share) * step
         new_d[x] = d[x] + share * step if known else d[x]
         new_a[x] = min(max(a[x] + share * slope_x, -steepest), steepest) if known else a[x]
         new_b[x] = min(max(b[x] + share * slope_y, -steepest), steepest) if known else b[x]
         wider = share * share * spread + min(left * left, spread) + doubt * doubt * square
-        variance[x] += wider if known else F4(0)
+        variance[x] += wider if told else F4(0)
 
 
 @banded()

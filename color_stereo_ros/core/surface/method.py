@@ -14,9 +14,11 @@ The surface method: coarse to fine, with a slanted plane at every node.
      and colors of the pair from that;
    - polish (from the second round on): wide windows where this round has made tiles smooth.
 
-4. judge: log-odds, standard deviation and reason of every node. What is hidden from the right
-   camera, fits badly or is too uncertain gets no range.
-5. expand: from nodes to pixels.
+4. bend: planes of surfaces that bend within a window are put in the right place.
+5. judge: how well planes fit corrects their variance; then log-odds, standard deviation and
+   reason of every node. What is hidden from the right camera, fits badly or is too uncertain
+   gets no range.
+6. expand: from nodes to pixels.
 
 These are the names of the stages in `RangeResult.seconds`; those of a round carry its number.
 The time of all but the coarse stage does not depend on the number of disparities. Every stage owns
@@ -111,11 +113,7 @@ class SurfaceMethod:
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
         if self.settings.matching.refinements:
-            self.bends.correct(self.least_squares.linearized, views, planes, pair,
-                               self.least_squares)
-            clock.lap('bend', planes)
-            self.quality.correct_variance(self.least_squares.linearized, planes,
-                                          self.least_squares.reference)
+            self.correct(views, planes, pair, clock)
         self.least_squares.correct_variance(planes)
         verdict = self.trust.judge(views, planes, seeds)
         clock.lap('judge', verdict)
@@ -123,6 +121,23 @@ class SurfaceMethod:
                                       self.trust.least_odds)
         clock.lap('expand', measurement)
         return measurement
+
+    def correct(self, views, planes, pair, clock):
+        """
+        Correct planes for bends, and their variance for how well they fit.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField
+        pair : PairModel
+        clock : Stopwatch
+
+        """
+        solver = self.least_squares
+        self.bends.correct(solver.linearized, views, planes, pair, solver)
+        clock.lap('bend', planes)
+        self.quality.correct_variance(solver.linearized, planes, solver.reference)
 
     def fit_seeds(self, views, planes, pair, clock):
         """
