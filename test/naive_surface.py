@@ -378,7 +378,8 @@ def unbend(weight, pull, planes, variance, tiles, noise, smooth, gate, noise_wei
     for tile, factor, free in zip(tiles, noise, smooth):
         for y, x in tile_nodes(tile):
             out[:, y, x] = *planes[:, y, x], variance[y, x]
-            window = [(j, i) for j in range(-RADIUS, RADIUS + 1)
+            stride = 1 if free else bend_kernels.ROW_STRIDE
+            window = [(j, i) for j in range(-RADIUS, RADIUS + 1, stride)
                       for i in range(-RADIUS, RADIUS + 1)
                       if free or on_plane(planes, y, x, j, i, gate)]
             step, slope_x, slope_y, spread = fitted_plane(

@@ -9,7 +9,7 @@ from color_stereo_ros.core import CameraModel, ColorStereo, Settings, Status, St
 from color_stereo_ros.core.cameras.rectification import raw_coordinates
 from color_stereo_ros.core.compiled import Arena
 from color_stereo_ros.core.pipeline import Stopwatch
-from color_stereo_ros.core.surface import planes, quality, views
+from color_stereo_ros.core.surface import bends, planes, quality, views
 from color_stereo_ros.core.surface.coarse import CoarseSearch
 from color_stereo_ros.core.surface.gains import gains_of
 from color_stereo_ros.core.surface.grid import framed_area, whole
@@ -490,6 +490,7 @@ def test_tiles_that_are_smooth_in_the_end_get_wide_windows(monkeypatch):
     variances = []
     # compares the variances of the fits themselves
     monkeypatch.setattr(quality.Quality, 'correct_variance', lambda *_: None)
+    monkeypatch.setattr(bends.Bends, 'correct', lambda *_: None)
     for polishes in (True, False):
         if not polishes:
             monkeypatch.setattr(planes.LeastSquares, 'polish', lambda *_: None)

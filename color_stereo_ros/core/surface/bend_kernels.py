@@ -15,6 +15,7 @@ from .tuning import TUNING
 SPAN = TUNING.bends.span
 LARGEST_BEND = F4(TUNING.bends.largest_bend)
 MISFIT_CAP = F4(TUNING.bends.misfit_cap)
+ROW_STRIDE = TUNING.bends.row_stride
 
 
 @banded(fastmath=FAST)
@@ -126,8 +127,9 @@ def unbend(k, weight, pull, d, a, b, tiles, noise, smooth, gate, noise_weight, r
     A plane that is fitted to a bent surface is off by half the second difference over the window.
     Planes through what the nodes of a window ask for beyond their own disparities show by how
     much (Tukey's twicing: the bias then grows with the fourth power of the window, as that of a
-    quadric). Windows have RADIUS nodes; smooth, bool: tiles that need no gate. The others are as
-    in `plane_kernels.fit_planes`. variance, px^2, changes in place; see `bend_row`.
+    quadric). Windows have RADIUS nodes; smooth, bool: tiles that need no gate. Of the
+    others every ROW_STRIDE-th row of the window counts. All else is as in
+    `plane_kernels.fit_planes`. variance, px^2, changes in place; see `bend_row`.
 
     """
     first, last = band(k, tiles.shape[0])
@@ -139,7 +141,8 @@ def unbend(k, weight, pull, d, a, b, tiles, noise, smooth, gate, noise_weight, r
             smooth_sums(weight, pull, top, left, RADIUS, sums)
         else:
             for y in range(TILE_ROWS):
-                gated_sums(weight, pull, d, a, b, top + y, left, gate, 1, sums[y])
+                gated_sums(weight, pull, d, a, b, top + y, left, gate, ROW_STRIDE,
+                           sums[y])
         for y in range(top, top + TILE_ROWS):
             bend_row(sums[y - top], d[y, left:right], a[y, left:right], b[y, left:right],
                      noise_weight, ridge, steepest, noise[tile], doubt, new_d[y, left:right],
