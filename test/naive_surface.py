@@ -446,7 +446,8 @@ def unbend(weight, pull, planes, variance, tiles, noise, smooth, gate, noise_wei
     for tile, factor, free in zip(tiles, noise, smooth):
         for y, x in tile_nodes(tile):
             out[:, y, x] = *planes[:, y, x], variance[y, x]
-            window = [(j, i) for j in range(-RADIUS, RADIUS + 1)
+            stride = 1 if free else bend_kernels.ROW_STRIDE
+            window = [(j, i) for j in range(-RADIUS, RADIUS + 1, stride)
                       for i in range(-RADIUS, RADIUS + 1)
                       if free or on_plane(planes, y, x, j, i, gate)]
             step, slope_x, slope_y, spread = fitted_plane(
@@ -454,7 +455,7 @@ def unbend(weight, pull, planes, variance, tiles, noise, smooth, gate, noise_wei
             if not (math.isfinite(spread) and math.isfinite(planes[0, y, x])):
                 continue
             spread *= factor
-            share = max(1 - spread / max(step ** 2, 1e-12), 0)
+            share = 1 - spread / step ** 2 if step ** 2 > spread else 0.0
             out[0, y, x] += share * step
             for at, slope in ((1, slope_x), (2, slope_y)):
                 out[at, y, x] = np.clip(out[at, y, x] + share * slope, -steepest, steepest)
@@ -476,7 +477,7 @@ def sample_quality(d, weight, moment, variance, misfit, reference, step, shape):
         bends = [abs(each) for each in second_differences(d, y, x)]
         if not (np.isfinite(bends).all() and total > 0 and variance[y, x] < kernels.WORST_VARIANCE):
             continue
-        pull = abs(sum(pulls[node] for node in window)) / math.sqrt(max(total, 1e-6))
+        pull = abs(sum(pulls[node] for node in window)) / math.sqrt(total)
         level = np.mean([math.sqrt(capped(misfit[node])) for node in window])
         out[:, row, column] = (min(pull, kernels.PULL_CAP), level,
                                min(*bends, kernels.UNEVEN_CAP), 1)

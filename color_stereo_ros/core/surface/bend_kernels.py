@@ -15,6 +15,7 @@ from .tuning import TUNING
 SPAN = TUNING.bends.span
 LARGEST_BEND = F4(TUNING.bends.largest_bend)
 MISFIT_CAP = F4(TUNING.bends.misfit_cap)
+ROW_STRIDE = TUNING.bends.row_stride
 
 
 @banded(fastmath=FAST)
@@ -103,17 +104,18 @@ def bend_row(sums, d, a, b, noise_weight, ridge, steepest, noise, doubt, new_d, 
         spread = inverse + (mean_x * mean_x * yy - F4(2) * mean_x * mean_y * xy
                             + mean_y * mean_y * xx) * inverse_det
         signal = sums[0, x] - noise_weight * sums[9, x]
-        known = known & (signal > LEAST_SIGNAL_SHARE * s0)
+        told = known & (signal > LEAST_SIGNAL_SHARE * s0)
         spread = spread * (s0 / max(signal, LEAST_SIGNAL_SHARE * s0)) * noise
         square = step * step
-        share = max(F4(1) - spread / max(square, F4(1e-12)), F4(0))
+        known = told & (square > spread)
+        share = (square - spread) / (square if known else F4(1))
         share = share if known else F4(0)
         left = (F4(1) - share) * step
         new_d[x] = d[x] + share * step if known else d[x]
         new_a[x] = min(max(a[x] + share * slope_x, -steepest), steepest) if known else a[x]
         new_b[x] = min(max(b[x] + share * slope_y, -steepest), steepest) if known else b[x]
         wider = share * share * spread + min(left * left, spread) + doubt * doubt * square
-        variance[x] += wider if known else F4(0)
+        variance[x] += wider if told else F4(0)
 
 
 @banded()
@@ -125,8 +127,9 @@ def unbend(k, weight, pull, d, a, b, tiles, noise, smooth, gate, noise_weight, r
     A plane that is fitted to a bent surface is off by half the second difference over the window.
     Planes through what the nodes of a window ask for beyond their own disparities show by how
     much (Tukey's twicing: the bias then grows with the fourth power of the window, as that of a
-    quadric). Windows have RADIUS nodes; smooth, bool: tiles that need no gate. The others are as
-    in `plane_kernels.fit_planes`. variance, px^2, changes in place; see `bend_row`.
+    quadric). Windows have RADIUS nodes; smooth, bool: tiles that need no gate. Of the
+    others every ROW_STRIDE-th row of the window counts. All else is as in
+    `plane_kernels.fit_planes`. variance, px^2, changes in place; see `bend_row`.
 
     """
     first, last = band(k, tiles.shape[0])
@@ -138,7 +141,8 @@ def unbend(k, weight, pull, d, a, b, tiles, noise, smooth, gate, noise_weight, r
             smooth_sums(weight, pull, top, left, RADIUS, sums)
         else:
             for y in range(TILE_ROWS):
-                gated_sums(weight, pull, d, a, b, top + y, left, gate, 1, sums[y])
+                gated_sums(weight, pull, d, a, b, top + y, left, gate, ROW_STRIDE,
+                           sums[y])
         for y in range(top, top + TILE_ROWS):
             bend_row(sums[y - top], d[y, left:right], a[y, left:right], b[y, left:right],
                      noise_weight, ridge, steepest, noise[tile], doubt, new_d[y, left:right],

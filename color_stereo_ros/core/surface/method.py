@@ -16,9 +16,11 @@ The surface method: coarse to fine, with a slanted plane at every node.
 
 4. rows: by how much the rows of the two views disagree. If that matters, the right view is read
    elsewhere and the pair is matched again, see `aligning`.
-5. judge: log-odds, standard deviation and reason of every node. What is hidden from the right
-   camera, fits badly or is too uncertain gets no range.
-6. expand: from nodes to pixels.
+5. bend: planes of surfaces that bend within a window are put in the right place.
+6. judge: how well planes fit corrects their variance; then log-odds, standard deviation and
+   reason of every node. What is hidden from the right camera, fits badly or is too uncertain
+   gets no range.
+7. expand: from nodes to pixels.
 
 These are the names of the stages in `RangeResult.seconds`; those of a round carry its number.
 The time of all but the coarse stage does not depend on the number of disparities. Every stage owns

@@ -49,7 +49,7 @@ def sample_quality(k, d, weight, moment, variance, misfit, reference, step, samp
             bend = across if across < along else along
             known = ((across >= F4(0)) & (along >= F4(0)) & (total > F4(0))
                      & (variance[y, x] < WORST_VARIANCE))
-            root = abs(pulls) / math.sqrt(max(total, F4(1e-6)))
+            root = abs(pulls) / math.sqrt(total if known else F4(1))
             samples[0, row, column] = min(root, PULL_CAP) if known else F4(0)
             samples[1, row, column] = level / number if known else F4(0)
             samples[2, row, column] = min(bend, UNEVEN_CAP) if known else F4(0)

@@ -574,8 +574,12 @@ class BendTuning(Constants):
         30.0, '1', 'By how much the variance of planes grows with the mean root misfit.',
         chosen('Rows off by .25 to 1 px: errors of 20 to 100 times the variance.'))
     least_share: float = constant(
-        0.15, '1', 'Share of bent nodes above which a tile is corrected.',
-        chosen('Single nodes are noise; .1: 1 % slower.'))
+        0.25, '1', 'Share of bent nodes above which a tile is corrected.',
+        chosen('Single nodes are noise; .15: 1 % slower.'))
+    row_stride: int = constant(
+        2, 'nodes', 'Distance of the window rows that count near depth edges.',
+        derived('As `planes.row_stride`: half of the time of windows with a gate.'),
+        compiled=True)
     doubt: float = constant(
         0.2, 'px per px', 'Standard deviation per px of the correction: higher orders remain.',
         chosen('Waves, fillets, spheres of the simulator.'))
