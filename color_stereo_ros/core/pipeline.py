@@ -63,7 +63,7 @@ class ColorStereo:
         Parameters
         ----------
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
-            Raw RGB images.
+            Raw RGB images; or gray ones, uint8 or uint16 (H, W).
 
         Returns
         -------
@@ -85,7 +85,8 @@ class ColorStereo:
         Parameters
         ----------
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
-            Raw RGB images, taken at the same moment. May be called from several threads.
+            Raw RGB images, taken at the same moment; or gray ones, uint8 or uint16 (H, W). May be
+            called from several threads.
 
         Returns
         -------
