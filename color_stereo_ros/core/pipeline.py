@@ -73,7 +73,7 @@ class ColorStereo:
         Parameters
         ----------
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
-            Raw RGB images.
+            Raw RGB images; or gray ones, uint8 or uint16 (H, W).
 
         Returns
         -------
@@ -98,7 +98,8 @@ class ColorStereo:
         Parameters
         ----------
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
-            Raw RGB images, taken at the same moment. May be called from several threads.
+            Raw RGB images, taken at the same moment; or gray ones, uint8 or uint16 (H, W). May be
+            called from several threads.
         alignment : Alignment, optional
             What is known of the rows before this pair. The result then depends on the pair and
             on this value only, and the object does not carry it on.

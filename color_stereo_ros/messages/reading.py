@@ -29,13 +29,14 @@ def image_to_rgb(msg, significant_bits=16):
     msg : sensor_msgs.msg.Image
         Any of `encodings.READ`.
     significant_bits : int
-        8 .. 16: of 16-bit Bayer and gray images, whose full scale is 2^significant_bits - 1. The highest 8
-        of these bits are used; larger values count as full scale.
+        8 .. 16: of 16-bit Bayer and gray images, whose full scale is 2^significant_bits - 1. The
+        highest 8 of these bits are used; larger values count as full scale.
 
     Returns
     -------
     rgb : numpy.ndarray, uint8, shape (H, W, 3)
-        C-contiguous; gray images have three equal channels. Shares memory with the message if that is rgb8 without padding.
+        C-contiguous; gray images have three equal channels. Shares memory with the message if
+        that is rgb8 without padding.
 
     Raises
     ------

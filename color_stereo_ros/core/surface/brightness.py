@@ -173,9 +173,10 @@ def normalized_brightness(view, offset, saturation, window, share, level, varian
 
 def is_gray(image, tuning):
     """
-    Return whether an image, uint8 (H, W, 3), shows light without any color
+    Return whether an image, uint8 (H, W, 3), shows light without any color.
 
-    Every eighth row is looked at; tuning is a BrightnessTuning. The compression of JPEG leaves 1 or 2 DN of color.
+    Every eighth row is looked at; tuning is a BrightnessTuning. The compression of JPEG leaves 1
+    or 2 DN of color.
 
     """
     rows = image[4::8] if len(image) > 8 else image

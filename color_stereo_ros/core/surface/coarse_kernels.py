@@ -266,8 +266,9 @@ def count_rivals(k, total, trust, full_trust, worst, gap, step, counts):
     Count the nodes that match well at two places.
 
     Looks at every step-th node of every step-th row whose trust, int16 (rows, columns), is
-    full_trust, and whose best match costs less than worst. counts, int64 (BANDS, 2), takes how many there are, and how many have a disparity
-    more than RIVAL_DISTANCE nodes from the best one that costs less than gap more.
+    full_trust, and whose best match costs less than worst. counts, int64 (BANDS, 2), takes how
+    many there are, and how many have a disparity more than RIVAL_DISTANCE nodes from the best one
+    that costs less than gap more.
 
     """
     rows = total.shape[0]

@@ -31,8 +31,8 @@ def propagate_planes(views, planes, pair, tiles, turn, tuning, brightness):
         # the first pass copies the nodes that no pass writes, and writes the cost of the planes
         with planes.rewriting(keep_unwritten=first) as (old, new):
             propagate(left.u, left.v, left.variance, right.u, right.v, right.variance, views.psf,
-                      pair.matrix, pair.scale, cap, inertia, brightness.arrays, old.d, old.a, old.b, tiles, step,
-                      not first, new.d, new.a, new.b, planes.cost)
+                      pair.matrix, pair.scale, cap, inertia, brightness.arrays, old.d, old.a,
+                      old.b, tiles, step, not first, new.d, new.a, new.b, planes.cost)
 
 
 def rough_tiles(views, planes, step):

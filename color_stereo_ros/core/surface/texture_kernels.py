@@ -44,14 +44,15 @@ def local_colors(k, u, v, s, mean, row, column, step, offset, level, out):
 
 @banded(fastmath=FAST)
 def linearize_brightness(k, left_t, left_var, right_t, right_var, psf, d, a, b, tiles,
-                         robust_misfit, scale, reference, fold, weight, moment, misfit, own_misfit):
+                         robust_misfit, scale, reference, fold, weight, moment, misfit,
+                         own_misfit):
     """
     Add the brightness of every node of some tiles to its linearized colors.
 
-    As `plane_kernels.linearize`, for one carrier. own_misfit takes the misfit of the brightness alone, NaN
-    where it is unknown. If `fold`, misfit becomes that of all three carriers, scaled to an average
-    of 2, in which brightness counts up to BRIGHTNESS_CAP;
-    twice that of the brightness where the colors say nothing.
+    As `plane_kernels.linearize`, for one carrier. own_misfit takes the misfit of the brightness
+    alone, NaN where it is unknown. If `fold`, misfit becomes that of all three carriers, scaled
+    to an average of 2, in which brightness counts up to BRIGHTNESS_CAP; twice that of the
+    brightness where the colors say nothing.
 
     """
     width = right_t.shape[1]
