@@ -475,7 +475,8 @@ def sample_quality(d, weight, moment, variance, misfit, reference, step, shape):
         window = [(y + j, x + i) for j in reach for i in reach]
         total = sum(weight[node] for node in window if math.isfinite(d[node]))
         bends = [abs(each) for each in second_differences(d, y, x)]
-        if not (np.isfinite(bends).all() and total > 0 and variance[y, x] < kernels.WORST_VARIANCE):
+        if not (np.isfinite(bends).all() and total > 0
+                and variance[y, x] < kernels.WORST_VARIANCE):
             continue
         pull = abs(sum(pulls[node] for node in window)) / math.sqrt(total)
         level = np.mean([math.sqrt(capped(misfit[node])) for node in window])

@@ -601,8 +601,8 @@ class QualityTuning(Constants):
                'the window that the plane has taken them from.'), compiled=True)
     surroundings: int = constant(
         7, 'samples', 'Width of the surroundings over which samples are averaged.',
-        chosen('Some 40 x 40 nodes. 20 x 20 nodes: the deviation scatters more than the errors do; 60 '
-               'x 60: no better.'))
+        chosen('Some 40 x 40 nodes. 20 x 20 nodes: the deviation scatters more than the errors '
+               'do; 60 x 60: no better.'))
     least_share: float = constant(
         0.04, '1', 'Share of known samples below which nothing is said.',
         derived('Two of 7 x 7 samples.'))
