@@ -140,29 +140,29 @@ class SurfaceMethod:
 
         """
         if self.aligner is None:
+            alignment = None
             pair, seeds = self.match(left, right, np.zeros(COUNT), clock)
         else:
             alignment, pair, seeds = self.match_aligned(left, right, alignment, search, clock)
         views, planes = self.views, self.planes
-        self.correct_variance(views, planes, pair, clock)
-        if self.aligner is not None:
-            self.rows.widen(planes, alignment)
+        self.bend(views, planes, pair, clock)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
                                    self.brightness.light(views.left))
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
+        self.make_std_true(verdict, planes, alignment)
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
                                       self.trust.least_odds)
         clock.lap('expand', measurement)
-        return replace(measurement, alignment=alignment if self.aligner else None,
+        return replace(measurement, alignment=alignment,
                        rival_share=self.rival_share)
 
-    def correct_variance(self, views, planes, pair, clock):
+    def bend(self, views, planes, pair, clock):
         """
-        Put planes of bent surfaces in the right place, and make all variances true.
+        Put planes of bent surfaces in the right place; variances know what colors share.
 
-        Writes d, a, b, variance and misfit of planes. Where brightness counts, variances stay.
+        Writes d, a, b, variance and misfit of planes. Where brightness counts, they stay.
 
         Parameters
         ----------
@@ -178,10 +178,33 @@ class SurfaceMethod:
             if self.settings.matching.refinements:
                 self.bends.correct(solver.linearized, views, planes, pair, solver)
                 clock.lap('bend', planes)
-                self.quality.correct_variance(solver.linearized, planes, solver.reference)
             solver.correct_variance(planes)
         if views.compressed:
             planes.variance *= self.tuning.raw.noise_correlation
+
+    def make_std_true(self, verdict, planes, alignment):
+        """
+        Scale standard deviations by how well planes fit and by what is unknown of the rows.
+
+        The log-odds stay: they are fitted to variances of the assumed noise, and know the misfit.
+        Writes verdict.std and planes.variance.
+
+        Parameters
+        ----------
+        verdict : Verdict
+        planes : PlaneField
+        alignment : Alignment or None
+
+        """
+        inner = self.views.grid.inner
+        assumed = planes.variance[inner].copy()
+        if self.settings.matching.refinements and not self.brightness.active:
+            solver = self.least_squares
+            self.quality.correct_variance(solver.linearized, planes, solver.reference)
+        if alignment is not None:
+            self.rows.widen(planes, alignment)
+        known = (assumed > 0) & np.isfinite(assumed)
+        verdict.std[inner][known] *= np.sqrt(planes.variance[inner][known] / assumed[known])
 
     def match_aligned(self, left, right, alignment, search, clock):
         """

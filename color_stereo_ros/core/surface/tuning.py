@@ -817,9 +817,8 @@ class TrustTuning(Constants):
         0.3, 'px^0.5', 'Root of the distance of the neighbors above which a node contradicts '
         'them.', unexplained('.09 px: most planes of real surfaces agree better (9662ae5).'))
     discord_variance: float = constant(
-        1.0, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
-        chosen('Was .25, when variances did not know how badly planes fit. A vaguer plane '
-               'contradicts by its noise.'))
+        0.25, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
+        unexplained('.5 px: a vaguer plane contradicts by its noise.'))
     discord_share: float = constant(
         0.65, '1', 'Share of contradicting nodes above which matches are chance.',
         chosen('Some planes of real surfaces contradict their neighbors, too. Density of noise '
