@@ -154,6 +154,18 @@ def test_a_sweep_shows_no_rows_and_they_are_left():
     assert not result.alignment.applied.any()
 
 
+def test_print_shows_the_rows_that_a_sweep_does_not():
+    rng, images = np.random.default_rng(1), []
+    for shift, rows in ((-disparity(SIZE), 0.0),
+                        (np.zeros(SIZE[::-1]), row_error(coefficients(0.8)))):
+        ink = photographed(shift, kind='hue_field', rows=rows)[..., :1]
+        light = photographed(shift, kind='sweep', rows=rows) * (0.2 + 0.8 * ink)
+        images.append(exposed(light, rng))
+    result = sensor(pattern__type='sweep').process(*images)
+    assert result.alignment.observable and apart(result.alignment, (0.8,)) < 0.06
+    assert (np.abs(result.disparity - disparity(SIZE)) < 0.5).mean() > 0.8
+
+
 def test_a_bump_is_recovered_by_the_next_pair(stereo):
     stereo.reset()
     before = [stereo.process(*pair(seed=seed)) for seed in (1, 2, 3)]

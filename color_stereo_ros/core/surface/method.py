@@ -201,7 +201,7 @@ class SurfaceMethod:
         def measured(prior):
             pair, seeds = self.match(left, right, prior.applied, clock)
             last[:] = [pair, seeds]
-            found = self.rows.measure(self.views, self.planes, pair, prior)
+            found = self.rows.measure(self.views, self.planes, pair, prior, self.brightness)
             clock.lap('rows', found)
             return found
 
@@ -310,6 +310,7 @@ class SurfaceMethod:
         if tuning is not self.in_force:
             self.least_squares.suit(tuning.planes)
             self.trust.suit(tuning)
+            self.rows.suit(tuning)
             self.in_force = tuning
 
     def fit_seeds(self, views, planes, pair, clock):

@@ -995,7 +995,7 @@ def detailed_tuning(tuning):
     """Return how planes are fitted and judged where a pair shows detail in its brightness."""
     if tuning.views.averaging_radius:  # those of slow colors
         tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
-                         trust=TUNING.trust)
+                         trust=TUNING.trust, rows=TUNING.rows)
     return replace(tuning, neighbors=replace(tuning.neighbors,
                                              inertia=tuning.brightness.inertia))
 
