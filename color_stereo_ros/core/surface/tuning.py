@@ -293,6 +293,12 @@ class PairTuning(Constants):
     scale_limits: tuple = constant(
         (0.1, 100.0), '1', 'Smallest and largest factor of the assumed noise.',
         unexplained('Wide limits, against images without any right plane.'))
+    dim_variance: float = constant(
+        0.06, '1', 'Variance of a chromaticity from which a node is dim.',
+        chosen('Lit surfaces have .002 to .03, a compressed dark background .1 to .3.'))
+    bright_share: float = constant(
+        0.75, '1', 'Share of nodes that are not dim below which dim ones do not count.',
+        derived('The first quartile would be theirs. Uncompressed pairs have .98 and more.'))
     color_prior: float = constant(
         50.0, 'nodes', 'Weight of the prior that both cameras see equal colors: added to the '
         'diagonal of the normal equations.',
