@@ -10,6 +10,7 @@ from color_stereo_ros.core.rows.alignment import Alignment, COUNT, terms
 from color_stereo_ros.core.rows.estimate import applicable, failed, resumed, updated
 from color_stereo_ros.core.rows.search import ASTRAY, fit, search, UPSIDE_DOWN
 from color_stereo_ros.core.rows.tuning import TUNING
+from color_stereo_ros.core.surface.aligning import Aligner
 from color_stereo_ros.nodes.sensor.row_search import RowSearch
 import numpy as np
 import pytest
@@ -291,6 +292,21 @@ def test_matches_that_are_wrong_do_not_bend_the_fit():
     found, agree = fit(left, right, LARGE)
     assert apart(found, (12, 1.5, -0.8, 0.3), LARGE) < 0.1
     assert agree[120:].mean() > 0.98 and agree[:120].mean() < 0.1
+
+
+def test_a_search_confirms_what_poor_matches_show():
+    aligner = Aligner(SIZE, True)
+    poor = updated(Alignment.unknown(SIZE), *cells((0.5, 0.2), scatter=0.1)).but(misfit=8.0)
+
+    def measured(prior):
+        return poor.but(applied=prior.applied, agreeing=False)
+
+    same_rows, other_rows = (
+        updated(Alignment.unknown(SIZE), *cells(values)) for values in ((0.55, 0.2), (3.0,)))
+    confirmed = aligner.align(None, measured, lambda: (same_rows, ''))
+    assert confirmed.agreeing and apart(confirmed, (0.5, 0.2)) < 0.05
+    assert not aligner.align(None, measured, lambda: (other_rows, '')).known
+    assert not aligner.align(None, measured, lambda: (None, ASTRAY)).known
 
 
 # ---- the estimate

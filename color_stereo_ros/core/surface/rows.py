@@ -106,7 +106,7 @@ class RowTracker:
         alignment : Alignment
 
         """
-        if not (alignment.applied.any() or significant(alignment)):
+        if not (alignment.known and (alignment.applied.any() or significant(alignment))):
             return
         lines, columns = self.shape
         x, y = np.meshgrid(2.0 * CELL * np.arange(columns) + CELL - 0.5,
