@@ -255,6 +255,15 @@ def test_two_scenes_are_told_and_nothing_is_carried_on():
     assert same(stereo.process(*good), clean)
 
 
+@pytest.mark.parametrize('alignment', ['off', 'correct'])
+def test_one_image_twice_is_no_measurement(alignment):
+    left, _ = pair()
+    result = sensor(matching__row_alignment=alignment,
+                    matching__min_confidence=0.01).process(left, left.copy())
+    assert np.isfinite(result.disparity).any()
+    assert np.nanmax(result.confidence) <= 0.5
+
+
 def test_a_search_in_vain_is_not_repeated_at_once():
     stereo = sensor(LARGE)
     good = pair(size=LARGE)
