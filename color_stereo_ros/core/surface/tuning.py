@@ -830,6 +830,17 @@ class TrustTuning(Constants):
         0.65, '1', 'Share of contradicting nodes above which matches are chance.',
         chosen('Some planes of real surfaces contradict their neighbors, too. Density of noise '
                '18-30 % -> below 1 % (9662ae5).'))
+    steady_distance: float = constant(
+        0.25, 'root px', 'Root of the distance of the neighbors from the plane of a node up to '
+        'which the node loses nothing, where a search holds the planes.',
+        chosen('Right nodes .12 to .19, wrong ones of confidence above .9 .37 to .47 (medians).'))
+    unsteady_odds: float = constant(
+        4.3, '1 per root px', 'Log-odds that such a node loses above it.',
+        chosen('Logistic regression on 24 pairs of airplane, effector_nut, printed, tilt_30. Wrong '
+               'of those above .9, effector_bin, gray: 11.4 -> 8.6 %.'))
+    unsteady_floor: float = constant(
+        1.4, '1', 'Log-odds that such a node keeps: a confidence of .8.',
+        chosen('Without it .02 fewer right ranges.'))
     discord_odds: float = constant(
         20.0, '1', 'Log-odds that nodes lose where all around contradict; 0: not asked.',
         chosen('More than any node has (9662ae5).'))
