@@ -10,6 +10,7 @@ from color_stereo_ros.core.rows.alignment import Alignment, COUNT, terms
 from color_stereo_ros.core.rows.estimate import applicable, failed, resumed, updated
 from color_stereo_ros.core.rows.search import ASTRAY, fit, search, UPSIDE_DOWN
 from color_stereo_ros.core.rows.tuning import TUNING
+from color_stereo_ros.core.surface.aligning import Aligner
 from color_stereo_ros.nodes.sensor.row_search import RowSearch
 import numpy as np
 import pytest
@@ -154,6 +155,18 @@ def test_a_sweep_shows_no_rows_and_they_are_left():
     assert not result.alignment.applied.any()
 
 
+def test_print_shows_the_rows_that_a_sweep_does_not():
+    rng, images = np.random.default_rng(1), []
+    for shift, rows in ((-disparity(SIZE), 0.0),
+                        (np.zeros(SIZE[::-1]), row_error(coefficients(0.8)))):
+        ink = photographed(shift, kind='hue_field', rows=rows)[..., :1]
+        light = photographed(shift, kind='sweep', rows=rows) * (0.2 + 0.8 * ink)
+        images.append(exposed(light, rng))
+    result = sensor(pattern__type='sweep').process(*images)
+    assert result.alignment.observable and apart(result.alignment, (0.8,)) < 0.06
+    assert (np.abs(result.disparity - disparity(SIZE)) < 0.5).mean() > 0.8
+
+
 def test_a_bump_is_recovered_by_the_next_pair(stereo):
     stereo.reset()
     before = [stereo.process(*pair(seed=seed)) for seed in (1, 2, 3)]
@@ -242,6 +255,15 @@ def test_two_scenes_are_told_and_nothing_is_carried_on():
     assert same(stereo.process(*good), clean)
 
 
+@pytest.mark.parametrize('alignment', ['off', 'correct'])
+def test_one_image_twice_is_no_measurement(alignment):
+    left, _ = pair()
+    result = sensor(matching__row_alignment=alignment,
+                    matching__min_confidence=0.01).process(left, left.copy())
+    assert np.isfinite(result.disparity).any()
+    assert np.nanmax(result.confidence) <= 0.5
+
+
 def test_a_search_in_vain_is_not_repeated_at_once():
     stereo = sensor(LARGE)
     good = pair(size=LARGE)
@@ -279,6 +301,21 @@ def test_matches_that_are_wrong_do_not_bend_the_fit():
     found, agree = fit(left, right, LARGE)
     assert apart(found, (12, 1.5, -0.8, 0.3), LARGE) < 0.1
     assert agree[120:].mean() > 0.98 and agree[:120].mean() < 0.1
+
+
+def test_a_search_confirms_what_poor_matches_show():
+    aligner = Aligner(SIZE, True)
+    poor = updated(Alignment.unknown(SIZE), *cells((0.5, 0.2), scatter=0.1)).but(misfit=8.0)
+
+    def measured(prior):
+        return poor.but(applied=prior.applied, agreeing=False)
+
+    same_rows, other_rows = (
+        updated(Alignment.unknown(SIZE), *cells(values)) for values in ((0.55, 0.2), (3.0,)))
+    confirmed = aligner.align(None, measured, lambda: (same_rows, ''))
+    assert confirmed.agreeing and apart(confirmed, (0.5, 0.2)) < 0.05
+    assert not aligner.align(None, measured, lambda: (other_rows, '')).known
+    assert not aligner.align(None, measured, lambda: (None, ASTRAY)).known
 
 
 # ---- the estimate

@@ -15,6 +15,7 @@ from surface_pairs import exposed, photographed, plane, rig, surface_settings
 WIDTH, HEIGHT = 320, 240
 TRUTH = plane(WIDTH, HEIGHT, 25.0, 0.03)
 GRAY = np.full((HEIGHT, WIDTH, 3), 0.4)
+BACKGROUND = np.array([0.020, 0.014, 0.014]), np.array([0.014, 0.014, 0.022])
 
 
 def pair(left=lambda light: light, right=lambda light: light, seed=3):
@@ -141,6 +142,19 @@ def test_compression_is_seen_and_costs_few_ranges(usual, quality):
     images = [compressed(image, quality) for image in images]
     assert all(chroma_is_subsampled(image, TUNING.raw) for image in images)
     assert share_right(usual.process(*images)) > 0.95
+
+
+@pytest.mark.parametrize('quality', [95, 85])
+def test_a_compressed_dark_background_does_not_decide_about_the_colors(usual, quality):
+    lit = np.zeros((HEIGHT, WIDTH), bool)
+    lit[60:180, 120:240] = True
+    row, column = np.mgrid[:HEIGHT, :WIDTH]
+    moved = lit[row, np.clip(np.rint(column + TRUTH).astype(int), 0, WIDTH - 1)]
+    left, right = (lambda light, seen=seen, dim=dim: np.where(seen[..., None], light, dim)
+                   for seen, dim in zip((lit, moved), BACKGROUND))
+    images = [compressed(image, quality) for image in pair(left, right)]
+    result = usual.process(*images)
+    assert (np.abs(result.disparity - TRUTH)[70:170, 135:225] < 0.5).mean() > 0.78
 
 
 def test_images_without_color_are_not_compressed():

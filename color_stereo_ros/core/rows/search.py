@@ -170,7 +170,8 @@ def about_others(left, right):
         return ASTRAY
     if model[0, 0] < 0:
         return UPSIDE_DOWN
-    return too_far(float(np.median(np.abs((right - left)[agree.ravel() > 0, 1]))))
+    error = float(np.median(np.abs((right - left)[agree.ravel() > 0, 1])))
+    return too_far(error) if error > tuning.largest_offset else ''
 
 
 def too_far(error):

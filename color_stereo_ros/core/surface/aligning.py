@@ -84,6 +84,9 @@ class Aligner:
             if better(other, found):
                 return agreed(other)
             found = self.followed(prior, measured)
+        elif start is not None and self.correct and found.observable:
+            # two ways to the same rows: the views differ in something else
+            return agreed(found.but(agreeing=True))
         if start is not None and not self.correct:
             return failed(start.but(applied=found.applied, agreeing=False, misfit=found.misfit,
                                     tries=found.tries), sentence)

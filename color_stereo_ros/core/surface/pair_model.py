@@ -47,7 +47,10 @@ class PairModel:
         rows, columns = views.grid.nodes
         step_y, step_x = tuning.pair.adapt_steps
         area = np.s_[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
-        known = planes.misfit[area][np.isfinite(planes.misfit[area])]
+        misfit, variance = planes.misfit, views.left.variance
+        if mostly_dim(misfit[area], variance[area], tuning.pair):
+            misfit = np.where(variance < F4(tuning.pair.dim_variance), misfit, F4(np.nan))
+        known = misfit[area][np.isfinite(misfit[area])]
         if known.size < tuning.pair.least_samples:
             return self
         at = known.size // 4
@@ -55,10 +58,25 @@ class PairModel:
         scale = F4(np.clip(quartile / tuning.pair.quartile, *tuning.pair.scale_limits))
         if not match_colors:
             return replace(self, scale=scale)
-        return replace(self, scale=scale, matrix=color_matrix(views, planes, scale, tuning))
+        return replace(self, scale=scale, matrix=color_matrix(views, planes, scale, tuning,
+                                                               misfit))
 
 
-def color_matrix(views, planes, scale, tuning):
+def mostly_dim(misfit, variance, tuning):
+    """
+    Return whether so many known nodes are dim that they would decide what a pair is like.
+
+    Compression gives a dark background one color, the same in both views: its misfit is 0, and it
+    says nothing about noise and colors of the lit surfaces. False where too few nodes would be
+    left.
+
+    """
+    known = np.isfinite(misfit)
+    bright = np.count_nonzero(known & (variance < F4(tuning.dim_variance)))
+    return tuning.least_samples <= bright < tuning.bright_share * np.count_nonzero(known)
+
+
+def color_matrix(views, planes, scale, tuning, misfit=None):
     """
     Return the affine map from right to left chromaticities of matched nodes.
 
@@ -70,6 +88,8 @@ def color_matrix(views, planes, scale, tuning):
     scale : numpy.float32
         Of the `PairModel` that is being measured.
     tuning : Tuning
+    misfit : numpy.ndarray, float32, framed, optional
+        NaN at nodes that do not count; default: that of planes.
 
     Returns
     -------
@@ -80,7 +100,8 @@ def color_matrix(views, planes, scale, tuning):
     prior = tuning.pair.color_prior
     normal, target = prior * np.eye(3), prior * np.eye(3, 2)
     left, right = views.left, views.right
-    add_color_sums(left.u, left.v, right.u, right.v, planes.d, planes.misfit,
+    add_color_sums(left.u, left.v, right.u, right.v, planes.d,
+                   planes.misfit if misfit is None else misfit,
                    F4(tuning.planes.robust_misfit) * scale, *views.grid.nodes,
                    *tuning.pair.adapt_steps, normal, target)
     # rows in memory as in `PairModel.neutral`: another layout would compile the kernels again

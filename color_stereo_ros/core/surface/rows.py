@@ -27,16 +27,22 @@ class RowTracker:
 
     def __init__(self, grid, tuning, arena):
         """Allocate the cells."""
-        self.grid, self.tuning = grid, tuning.rows
-        self.robust_misfit = F4(tuning.planes.robust_misfit)
-        self.variance_factor = tuning.trust.variance_factor
+        self.grid = grid
+        self.suit(tuning)
         lines, columns = (-(-count // CELL) for count in grid.nodes)
         self.shape = lines, columns
         self.cells = arena.zeros((lines, -(-columns // CELL_STEP), len(QUANTITIES)), F4)
+        self.more_cells = arena.zeros(self.cells.shape, F4)
         self.middle = np.broadcast_to(
             2.0 * CELL * np.arange(lines)[:, None] + CELL - 0.5, self.cells.shape[:2])
 
-    def measure(self, views, planes, pair, prior):
+    def suit(self, tuning):
+        """Ask by the constants of a Tuning from here on."""
+        self.tuning = tuning.rows
+        self.robust_misfit = F4(tuning.planes.robust_misfit)
+        self.variance_factor = tuning.trust.variance_factor
+
+    def measure(self, views, planes, pair, prior, brightness=None):
         """
         Return the alignment that the matches and a prior show together.
 
@@ -47,16 +53,16 @@ class RowTracker:
         planes : PlaneField
         pair : PairModel
         prior : Alignment
+        brightness : BrightnessCarrier, optional
+            Where it is active its rows count beside those of the colors.
 
         Returns
         -------
         alignment : Alignment
 
         """
-        left, right, cells = views.left, views.right, self.cells
         prior = prior.but(misfit=np.nan, scatter=np.nan)
-        row_cells(left.u, left.v, left.variance, right.u, right.v, right.variance, pair.matrix,
-                  planes.d, self.robust_misfit, pair.scale, *self.grid.nodes, cells)
+        cells = self.ask(views, planes, pair, brightness)
         least = self.tuning.least_information
         count, information = cells[..., COUNT], cells[..., INFORMATION]
         structure = cells[..., STRUCTURE]
@@ -76,6 +82,20 @@ class RowTracker:
         steady = found.observable and found.scatter < ROWS.use.steady
         return found.but(agreeing=misfit < ROWS.use.poor or steady, misfit=misfit)
 
+    def ask(self, views, planes, pair, brightness):
+        """Return the sums of all cells, over colors and brightness; see `measure`."""
+        left, right, cells = views.left, views.right, self.cells
+        row_cells(left.u, left.v, left.variance, right.u, right.v, right.variance, pair.matrix,
+                  planes.d, self.robust_misfit, pair.scale, *self.grid.nodes, cells)
+        if brightness is not None and brightness.active:
+            (left, left_var), (right, right_var) = brightness.planes
+            same = np.eye(2, 3, dtype=F4)
+            row_cells(left, np.zeros_like(left), left_var, right, np.zeros_like(right), right_var,
+                      same, planes.d, self.robust_misfit, brightness.scale, *self.grid.nodes,
+                      self.more_cells)
+            cells += self.more_cells
+        return cells
+
     def widen(self, planes, alignment):
         """
         Add to planes.variance what the row error that is left does to the disparities.
@@ -86,7 +106,7 @@ class RowTracker:
         alignment : Alignment
 
         """
-        if not (alignment.applied.any() or significant(alignment)):
+        if not (alignment.known and (alignment.applied.any() or significant(alignment))):
             return
         lines, columns = self.shape
         x, y = np.meshgrid(2.0 * CELL * np.arange(columns) + CELL - 0.5,

@@ -102,6 +102,7 @@ class Trust:
         self.weigh(views, planes)
         if confirmed is not None:
             self.log_odds[self.grid.inner] += confirmed
+            self.distrust_unsteady()
         if self.tuning.discord_odds:
             self.distrust_discord(planes)
         self.distrust_islands(views, planes)
@@ -122,6 +123,19 @@ class Trust:
         weigh_evidence(planes.d, planes.a, planes.b, planes.cost, planes.misfit, planes.variance,
                        views.left.s, views.right.s, usual_balance, rows, columns, self.form,
                        self.evidence, self.log_odds)
+
+    def distrust_unsteady(self):
+        """
+        Lower high log_odds of nodes far from the planes of their neighbors.
+
+        Where a search holds the planes, they fit by their brightness even beside their place. No
+        node loses its range by that.
+
+        """
+        tuning, odds = self.tuning, self.log_odds[self.grid.inner]
+        excess = np.maximum(self.evidence[APART] - F4(tuning.steady_distance), F4(0))
+        lowered = np.maximum(odds - F4(tuning.unsteady_odds) * excess, F4(tuning.unsteady_floor))
+        np.fmin(odds, lowered, out=odds)  # the distance is NaN where there is no plane
 
     def usual_balance(self, views, planes):
         """Return the brightness left against right around each node, float32 (rows, columns)."""

@@ -293,6 +293,12 @@ class PairTuning(Constants):
     scale_limits: tuple = constant(
         (0.1, 100.0), '1', 'Smallest and largest factor of the assumed noise.',
         unexplained('Wide limits, against images without any right plane.'))
+    dim_variance: float = constant(
+        0.06, '1', 'Variance of a chromaticity from which a node is dim.',
+        chosen('Lit surfaces have .002 to .03, a compressed dark background .1 to .3.'))
+    bright_share: float = constant(
+        0.75, '1', 'Share of nodes that are not dim below which dim ones do not count.',
+        derived('The first quartile would be theirs. Uncompressed pairs have .98 and more.'))
     color_prior: float = constant(
         50.0, 'nodes', 'Weight of the prior that both cameras see equal colors: added to the '
         'diagonal of the normal equations.',
@@ -823,6 +829,17 @@ class TrustTuning(Constants):
         0.65, '1', 'Share of contradicting nodes above which matches are chance.',
         chosen('Some planes of real surfaces contradict their neighbors, too. Density of noise '
                '18-30 % -> below 1 % (9662ae5).'))
+    steady_distance: float = constant(
+        0.25, 'root px', 'Root of the distance of the neighbors from the plane of a node up to '
+        'which the node loses nothing, where a search holds the planes.',
+        chosen('Right nodes .12 to .19, wrong ones of confidence above .9 .37 to .47 (medians).'))
+    unsteady_odds: float = constant(
+        4.3, '1 per root px', 'Log-odds that such a node loses above it.',
+        chosen('Logistic regression on 24 pairs of airplane, effector_nut, printed, tilt_30. Wrong '
+               'of those above .9, effector_bin, gray: 11.4 -> 8.6 %.'))
+    unsteady_floor: float = constant(
+        1.4, '1', 'Log-odds that such a node keeps: a confidence of .8.',
+        chosen('Without it .02 fewer right ranges.'))
     discord_odds: float = constant(
         20.0, '1', 'Log-odds that nodes lose where all around contradict; 0: not asked.',
         chosen('More than any node has (9662ae5).'))
@@ -994,7 +1011,7 @@ def detailed_tuning(tuning):
     """Return how planes are fitted and judged where a pair shows detail in its brightness."""
     if tuning.views.averaging_radius:  # those of slow colors
         tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
-                         trust=TUNING.trust)
+                         trust=TUNING.trust, rows=TUNING.rows)
     return replace(tuning, neighbors=replace(tuning.neighbors,
                                              inertia=tuning.brightness.inertia))
 

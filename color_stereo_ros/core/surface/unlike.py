@@ -19,6 +19,8 @@ from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .tuning import TUNING
 
 LEAST_FORESHORTENING = F4(TUNING.pair.least_foreshortening)
+DIM_VARIANCE, BRIGHT_SHARE = F4(TUNING.pair.dim_variance), TUNING.pair.bright_share
+LEAST_SAMPLES = TUNING.unlike.least_samples
 ROOT3 = F4(np.sqrt(3.0))
 GAUGES = np.array([[2.0, -1.0, -1.0], [0.0, 1.0, -1.0]], F4)
 GAUGES /= np.linalg.norm(GAUGES, axis=1, keepdims=True)
@@ -90,6 +92,9 @@ def sampled(views, planes, step_y, step_x):
         lit &= flat[at + step] < SILENT_VARIANCE
     for step_down, step_right in ((0, -1), (0, 1), (-1, 0), (1, 0)):
         lit &= left.variance[y + step_down, x + step_right] < SILENT_VARIANCE
+    bright = lit & (left.variance[y, x] < DIM_VARIANCE)
+    if LEAST_SAMPLES <= bright.sum() < BRIGHT_SHARE * lit.sum():
+        lit = bright  # see `pair_model.mostly_dim`
     y, x, place, at = y[lit], x[lit], place[lit], at[lit]
     weights = cubic(place - np.floor(place))
     found = [compared(each_left, each_right.ravel(), y, x, at, weights, width)
