@@ -2,10 +2,11 @@
 """Views that differ in blur, color, compression and hot pixels: what is measured and mended."""
 
 from color_stereo_ros.core import ColorStereo
+from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
 from color_stereo_ros.core.surface.raw_faults import (
-    chroma_is_subsampled, has_hot_pixels, without_hot_pixels)
+    chroma_is_subsampled, has_hot_pixels, quantization, without_hot_pixels)
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
 import cv2
 import numpy as np
@@ -141,6 +142,44 @@ def test_compression_is_seen_and_costs_few_ranges(usual, quality):
     images = [compressed(image, quality) for image in images]
     assert all(chroma_is_subsampled(image, TUNING.raw) for image in images)
     assert share_right(usual.process(*images)) > 0.95
+
+
+@pytest.mark.parametrize('quality, step', [(95, 1), (85, 4), (60, 10), (40, 15)])
+def test_the_quantization_is_read_from_the_image(quality, step):
+    # quality 50: 11, 12, 12, 10 and 14; above, (100 - quality) / 50 of it, below 50 / quality
+    light = 0.3 + 0.5 * photographed(0 * TRUTH)  # no channel is clipped
+    image = exposed(light, np.random.default_rng(5))
+    assert quantization(image, TUNING.raw) == 1
+    assert step <= quantization(compressed(image, quality), TUNING.raw) <= 1.25 * step
+    assert quantization(image[:7], TUNING.raw) == 1
+
+
+def test_a_half_dark_image_has_the_noise_of_its_light(usual):
+    dark = np.ones((HEIGHT, WIDTH, 1))
+    dark[HEIGHT // 2:] = 0.01
+    scales = []
+    for change in (lambda light: light, lambda light: dark * light):
+        method = usual._method
+        match = method.match
+        images = [compressed(image, 60) for image in pair(left=change, right=change)]
+        pair_model, _ = match(*images, np.zeros(7), Stopwatch())
+        scales.append(pair_model.scale)
+    assert scales[1] == pytest.approx(scales[0], rel=0.3)
+    assert scales[0] > 2 * TUNING.pair.scale_limits[0]
+
+
+@pytest.mark.parametrize('quality', [95, 85, 60])
+def test_the_dark_level_of_compressed_images_is_one_of_all_channels(usual, monkeypatch, quality):
+    lit = np.arange(WIDTH)[:, None] > WIDTH // 2
+    found = []
+    views = usual._method.views
+    monkeypatch.setattr(type(views.left), 'fill', lambda view, dark, *rest: found.append(dark))
+    images = pair(left=lambda light: 0.4 * lit * light, right=lambda light: 0.4 * lit * light)
+    views.load(*(compressed(cv2.add(image, (5, 5, 5, 0)), quality) for image in images),
+               np.zeros(7))
+    assert views.compressed
+    assert np.ptp(found) == 0
+    assert found[0][0] == pytest.approx(5, abs=1)
 
 
 def test_images_without_color_are_not_compressed():

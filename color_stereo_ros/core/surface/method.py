@@ -129,8 +129,6 @@ class SurfaceMethod:
             clock.lap('bend', planes)
             self.quality.correct_variance(solver.linearized, planes, solver.reference)
         self.least_squares.correct_variance(planes)
-        if views.compressed:
-            planes.variance *= self.tuning.raw.noise_correlation
         if self.aligner is not None:
             self.rows.widen(planes, alignment)
         verdict = self.trust.judge(views, planes, seeds)

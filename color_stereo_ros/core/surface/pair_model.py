@@ -47,7 +47,10 @@ class PairModel:
         rows, columns = views.grid.nodes
         step_y, step_x = tuning.pair.adapt_steps
         area = np.s_[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
-        known = planes.misfit[area][np.isfinite(planes.misfit[area])]
+        known = np.isfinite(planes.misfit[area])
+        if views.compressed:  # compression leaves no noise where it is dark
+            known &= views.left.s[area] > F4(tuning.raw.least_light)
+        known = planes.misfit[area][known]
         if known.size < tuning.pair.least_samples:
             return self
         at = known.size // 4

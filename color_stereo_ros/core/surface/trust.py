@@ -57,7 +57,7 @@ class Trust:
     def __init__(self, grid, limits, settings, tuning, arena):
         """Allocate the evidence."""
         self.grid, self.settings = grid, settings
-        self.tuning, self.repetition = tuning.trust, tuning.repetition
+        self.tuning, self.repetition, self.raw = tuning.trust, tuning.repetition, tuning.raw
         margin = tuning.pixels.limit_margin
         self.limits = limits + np.array([-margin, margin], F4)
         self.form = np.array(self.tuning.form, F4)
@@ -93,12 +93,15 @@ class Trust:
         """
         self.weigh(views, planes)
         if self.tuning.discord_odds:
-            self.distrust_discord(planes)
+            self.distrust_discord(planes, self.raw.discord_distance if views.compressed
+                                  else self.tuning.discord_distance)
         self.distrust_islands(views, planes)
         self.find_hidden(planes)
         verdict = self.settle(views, planes)
         if seeds.clear_share is not None:
             self.doubt_repetitions(seeds.clear_share, verdict)
+        if views.compressed:
+            self.doubt_dark_places(views, verdict)
         return verdict
 
     def weigh(self, views, planes):
@@ -123,9 +126,11 @@ class Trust:
         """Return samples, float32 (h, w), at all nodes (rows, columns), linearly interpolated."""
         return cv2.resize(samples, self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
 
-    def distrust_discord(self, planes):
+    def distrust_discord(self, planes, distance):
         """
         Trust nodes less where most planes around them contradict their neighbors.
+
+        distance: root of the distance from which they do, px^.5.
 
         Noise, or two images of different things, match by chance here and there. A single such
         node looks as good as a true one; its surroundings do not.
@@ -134,7 +139,7 @@ class Trust:
         tuning, inner = self.tuning, self.grid.inner
         thinned = np.s_[::tuning.discord_step, ::tuning.discord_step]
         known = (planes.variance[inner][thinned] < F4(tuning.discord_variance)).view(np.uint8)
-        apart = self.evidence[APART][thinned] > F4(tuning.discord_distance)
+        apart = self.evidence[APART][thinned] > F4(distance)
         apart = apart.view(np.uint8) & known
         # border pixels are repeated, by both counts alike
         around = (tuning.discord_surroundings,) * 2
@@ -176,6 +181,17 @@ class Trust:
                F4(color.saturation_level - 1), F4(color.min_signal), F4(self.tuning.hidden_odds),
                F4(self.tuning.vague_std), verdict.std, verdict.log_odds, verdict.reason)
         return verdict
+
+    def doubt_dark_places(self, views, verdict):
+        """Change the log-odds of compressed images by what their light is worth."""
+        raw, odds = self.raw, verdict.log_odds
+        low, high = np.log(raw.trusted_light)
+        light = np.log(np.maximum(views.left.s, F4(1)))
+        share = np.clip((light - F4(low)) * F4(1 / (high - low)), 0, 1)
+        possible = odds > F4(self.tuning.island_odds)
+        factor = F4(raw.dark_odds) + F4(1 - raw.dark_odds) * share
+        changed = F4(raw.even_odds) + factor * (odds - F4(raw.even_odds))
+        np.copyto(odds, changed + F4(raw.added_odds) * share, where=possible)
 
     def doubt_repetitions(self, clear_share, verdict):
         """
