@@ -77,7 +77,7 @@ def step_of(values, tuning):
     found, best = 1, tuning.periodic
     for step in range(2, tuning.largest_quantization + 1):
         large = values[values > tuning.beyond_zero * step]
-        if large.size < tuning.least_values:
+        if np.count_nonzero(large > 2 * tuning.beyond_zero * step) < tuning.least_values:
             break
         score = np.cos(large * F4(2 * np.pi / step)).mean()
         if score > best:

@@ -93,8 +93,9 @@ class Trust:
         """
         self.weigh(views, planes)
         if self.tuning.discord_odds:
-            self.distrust_discord(planes, self.raw.discord_distance if views.compressed
-                                  else self.tuning.discord_distance)
+            distance = self.tuning.discord_distance if not views.compressed else np.interp(
+                views.quantization, self.raw.quantizations, self.raw.discord_distances)
+            self.distrust_discord(planes, distance)
         self.distrust_islands(views, planes)
         self.find_hidden(planes)
         verdict = self.settle(views, planes)

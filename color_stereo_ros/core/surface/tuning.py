@@ -71,28 +71,29 @@ class RawTuning(Constants):
         ((0, 1), (1, 0), (1, 1), (0, 2), (2, 0)), '1', 'Vertical and horizontal frequencies that '
         'are looked at.', chosen('The strongest ones, with the smallest quantization.'))
     largest_quantization: int = constant(
-        40, 'DN', 'Largest quantization that is looked for.',
-        derived('That of quality 15: 3.3 times the 11 or 12 of quality 50.'))
+        80, 'DN', 'Largest quantization that is looked for.',
+        derived('That of quality 8: 6 times the 11 or 12 of quality 50.'))
     beyond_zero: float = constant(
         0.75, '1', 'Share of the quantization from which a value tells about it.',
         derived('Zero is a multiple of every number.'))
     least_values: int = constant(
-        30, '1', 'Values below which a quantization is not looked for.',
-        chosen('The mean cosine of 30 random phases is .13.'))
+        30, '1', 'Values beyond the first multiple below which a quantization is not looked for.',
+        chosen('The mean cosine of 30 random phases is .13. Values near one multiple only may be '
+               'the tail of any distribution.'))
     periodic: float = constant(
         0.5, '1', 'Mean cosine of the phases from which values are multiples of a number.',
         chosen('Five scenes: JPEG 85, 60 and 40 are found to 1 DN, clean images and JPEG 95 have '
                'none. The best number wins: its divisors fit less well.'))
     quantizations: tuple = constant(
-        (1.0, 4.0, 11.0, 19.0), 'DN', 'Quantizations of `luma_surroundings` and '
-        '`chroma_smoothing`.', derived('JPEG 95, 85, 60, 40.'))
+        (1.0, 4.0, 11.0, 19.0, 40.0), 'DN', 'Quantizations of `luma_surroundings`, '
+        '`chroma_smoothing` and `discord_distances`.', derived('JPEG 95, 85, 60, 40, 18.'))
     luma_surroundings: tuple = constant(
-        (1.5, 2.0, 2.5, 2.5), 'px', 'Standard deviation of the surroundings whose brightness luma '
+        (1.5, 2.0, 2.5, 2.5, 2.5), 'px', 'Standard deviation of the surroundings whose brightness luma '
         'is divided by.',
         chosen('Share of right pixels, casting, 1.5 and 2.5 px: JPEG 95 .921 and .903, JPEG 60 '
                '.836 and .870.'))
     chroma_smoothing: tuple = constant(
-        (1.0, 1.5, 2.0, 2.5), 'px', 'Standard deviation of the average of what luma does not '
+        (1.0, 1.5, 2.0, 2.5, 2.5), 'px', 'Standard deviation of the average of what luma does not '
         'tell.',
         chosen('Share of right pixels, effector_bin, 1.2 and 2 px: JPEG 95 .637 and .616, JPEG 60 '
                '.620 and .649.'))
@@ -103,11 +104,11 @@ class RawTuning(Constants):
         48.0, 'DN', 'Sum of the channels from which a node shows the noise of compressed images.',
         chosen('Where it is dark compression removes all noise. A half dark image (effector_bin) '
                'had a noise scale of .1, the smallest one; its lit nodes say 1 to 3.'))
-    discord_distance: float = constant(
-        0.5, 'px^0.5', 'As `trust.discord_distance`, in compressed images.',
+    discord_distances: tuple = constant(
+        (0.5, 0.5, 0.5, 0.5, 0.3), 'px^0.5', 'As `trust.discord_distance`, in compressed images.',
         chosen('True planes contradict each other by the noise of compression. .3: casting, JPEG '
                '40 .816 right, now .875; effector_bin, JPEG 95 .763, now .816. Wrong 2.1 -> 3.2 '
-               'and 9.3 -> 9.2 %.'))
+               'and 9.3 -> 9.2 %. Below quality 20 matches of chance are common.'))
     trusted_light: tuple = constant(
         (30.0, 150.0), 'DN', 'Sum of the channels from which log-odds of compressed images begin '
         'to count, and from which they count fully.',

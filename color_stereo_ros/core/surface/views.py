@@ -51,6 +51,8 @@ class Views:
         Of the pair in force, see `gains.noise_weight`.
     compressed : bool
         The chroma of the pair in force is subsampled.
+    quantization : float
+        Of the last such pair, DN, see `raw_faults.quantization`.
 
     """
 
@@ -76,6 +78,7 @@ class Views:
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
         self.compressed = False
+        self.quantization = 1.0
 
     def load(self, left, right, applied):
         """
@@ -113,10 +116,11 @@ class Views:
         return self
 
     def smoothing(self, left, right):
-        """Return how much compressed images are smoothed, see `View.sharpen_by_luma`."""
+        """Write quantization; return how much to smooth, see `View.sharpen_by_luma`."""
         raw = self.raw
-        step = max(quantization(left, raw), quantization(right, raw))  # clipped blocks hide it
-        return tuple(float(np.interp(step, raw.quantizations, each))
+        # clipped blocks hide it
+        self.quantization = max(quantization(left, raw), quantization(right, raw))
+        return tuple(float(np.interp(self.quantization, raw.quantizations, each))
                      for each in (raw.luma_surroundings, raw.chroma_smoothing))
 
     def share_dark_levels(self, levels):
