@@ -57,7 +57,8 @@ class Trust:
     def __init__(self, grid, limits, settings, tuning, arena):
         """Allocate the evidence."""
         self.grid, self.settings = grid, settings
-        self.tuning, self.repetition, self.raw = tuning.trust, tuning.repetition, tuning.raw
+        self.tuning, self.repetition = tuning.trust, tuning.repetition
+        self.raw, self.unlike = tuning.raw, tuning.unlike
         margin = tuning.pixels.limit_margin
         self.limits = limits + np.array([-margin, margin], F4)
         self.form = np.array(self.tuning.form, F4)
@@ -93,9 +94,7 @@ class Trust:
         """
         self.weigh(views, planes)
         if self.tuning.discord_odds:
-            distance = self.tuning.discord_distance if not views.compressed else np.interp(
-                views.quantization, self.raw.quantizations, self.raw.discord_distances)
-            self.distrust_discord(planes, distance)
+            self.distrust_discord(planes, self.discord_distance(views))
         self.distrust_islands(views, planes)
         self.find_hidden(planes)
         verdict = self.settle(views, planes)
@@ -103,6 +102,8 @@ class Trust:
             self.doubt_repetitions(seeds.clear_share, verdict)
         if views.compressed:
             self.doubt_dark_places(views, verdict)
+        if views.evened:
+            self.doubt_blur(views.evened, verdict)
         return verdict
 
     def weigh(self, views, planes):
@@ -126,6 +127,17 @@ class Trust:
     def at_all_nodes(self, samples):
         """Return samples, float32 (h, w), at all nodes (rows, columns), linearly interpolated."""
         return cv2.resize(samples, self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
+
+    def discord_distance(self, views):
+        """Return the root of the distance from which nodes contradict their neighbors, px^.5."""
+        distance, unlike, raw = self.tuning.discord_distance, self.unlike, self.raw
+        if views.evened:
+            distance = max(distance, np.interp(
+                views.evened, unlike.discord_blurs, unlike.discord_distances))
+        if views.compressed:
+            distance = max(distance, np.interp(
+                views.quantization, raw.quantizations, raw.discord_distances))
+        return distance
 
     def distrust_discord(self, planes, distance):
         """
@@ -193,6 +205,14 @@ class Trust:
         factor = F4(raw.dark_odds) + F4(1 - raw.dark_odds) * share
         changed = F4(raw.even_odds) + factor * (odds - F4(raw.even_odds))
         np.copyto(odds, changed + F4(raw.added_odds) * share, where=possible)
+
+    def doubt_blur(self, evened, verdict):
+        """Move log-odds towards chance by how much blur was evened out, px^2."""
+        unlike, odds = self.unlike, verdict.log_odds
+        factor = F4(max(1 - unlike.doubt_per_blur * evened, unlike.least_factor))
+        even = F4(unlike.even_odds)
+        np.copyto(odds, even + factor * (odds - even),
+                  where=odds > F4(self.tuning.island_odds))
 
     def doubt_repetitions(self, clear_share, verdict):
         """

@@ -447,8 +447,27 @@ class UnlikeTuning(Constants):
         derived('A sampled bell of less than half a node is too narrow.'))
     blur_step: float = constant(
         0.6, '1', 'Share of the measured blur that one look evens out.',
-        chosen('The first matches are rough, so that a whole step goes too far; both views are '
-               'blurred then. Sigma 3 px: density .865 with 1, .89 with .5.'))
+        chosen('The first matches are rough. Share of right pixels under a sigma of 3 px of the '
+               'right (left) view with 1, .6, .5: casting .828 .823 .826 (.816 .822 .822), '
+               'effector_bin .756 .754 .752 (.737 .734 .742): no difference that matters.'))
+    discord_blurs: tuple = constant(
+        (0.0, 4.0), 'px^2', 'Blur that was evened out at which `discord_distances` hold.',
+        derived('None, and a sigma of 2 px.'))
+    discord_distances: tuple = constant(
+        (0.3, 0.5), 'px^0.5', 'As `trust.discord_distance`.',
+        chosen('True planes of blurred colors contradict each other by more. Share of right '
+               'pixels with .3 and .5, a sigma of 3 px of the right view: casting .823 and .846, '
+               'effector_bin .754 and .781; wrong 3.9 and 4.6, 13.7 and 14.4 %.'))
+    doubt_per_blur: float = constant(
+        0.06, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
+        chosen('A sigma of 3 px of the right view, effector_bin: log-odds of 3 to 4 are .80 '
+               'right, those of 4 to 6 .93.'))
+    least_factor: float = constant(
+        0.4, '1', 'Smallest factor of the log-odds, as distance from `even_odds`.',
+        chosen('The information of the colors is never gone altogether.'))
+    even_odds: float = constant(
+        0.4, '1', 'Log-odds that this factor leaves as they are.',
+        derived('As `raw.even_odds`.'))
     blur_prior: float = constant(
         9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
         derived('A sigma of 3 px is plausible.'))

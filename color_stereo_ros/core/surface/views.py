@@ -51,6 +51,8 @@ class Views:
         Of the pair in force, see `gains.noise_weight`.
     compressed : bool
         The chroma of the pair in force is subsampled.
+    evened : float
+        Blur that was evened out in the pair in force, px^2, see `even.apply`.
     quantization : float
         Of the last such pair, DN, see `raw_faults.quantization`.
 
@@ -79,6 +81,7 @@ class Views:
         self.noise_weight = F4(1)
         self.compressed = False
         self.quantization = 1.0
+        self.evened = 0.0
 
     def load(self, left, right, applied):
         """
@@ -99,6 +102,7 @@ class Views:
         """
         if self.moved is not None:
             self.moved.move(applied)
+        self.evened = 0.0
         color = self.settings.color
         left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
                        else image for image in (left, right))
