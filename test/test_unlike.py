@@ -74,6 +74,21 @@ def test_blur_of_one_view_is_recovered(usual, monkeypatch, side, sigma):
     assert share_right(result) > 0.95
 
 
+def test_blur_that_was_evened_out_is_doubted(usual):
+    views = usual._method.views
+    sharp = usual.process(*pair())
+    assert views.evened == 0
+    found = []
+    for sigma in (2.0, 3.0):
+        result = usual.process(*pair(right=blurred(sigma, sigma)))
+        assert views.evened == pytest.approx(sigma ** 2, rel=0.25)
+        found.append((np.median(result.confidence), np.nanmedian(result.disparity_std)))
+    assert np.median(sharp.confidence) > found[0][0] > found[1][0] > 0.9
+    assert np.nanmedian(sharp.disparity_std) < found[0][1] < found[1][1]
+    usual.process(*pair())
+    assert views.evened == 0
+
+
 def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):
     seen, _ = found(usual, pair(right=lambda light: cv2.blur(light, (7, 1))), monkeypatch)
     along, across = sum(each.blur[:, 0] for each in seen)

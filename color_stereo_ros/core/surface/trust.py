@@ -196,7 +196,7 @@ class Trust:
         return verdict
 
     def doubt_dark_places(self, views, verdict):
-        """Change the log-odds of compressed images by what their light is worth."""
+        """Change the log-odds of compressed images by their light, and the deviation."""
         raw, odds = self.raw, verdict.log_odds
         low, high = np.log(raw.trusted_light)
         light = np.log(np.maximum(views.left.s, F4(1)))
@@ -204,15 +204,17 @@ class Trust:
         possible = odds > F4(self.tuning.island_odds)
         factor = F4(raw.dark_odds) + F4(1 - raw.dark_odds) * share
         changed = F4(raw.even_odds) + factor * (odds - F4(raw.even_odds))
+        verdict.std[:] *= F4(np.interp(views.quantization, raw.quantizations, raw.std_factors))
         np.copyto(odds, changed + F4(raw.added_odds) * share, where=possible)
 
     def doubt_blur(self, evened, verdict):
-        """Move log-odds towards chance by how much blur was evened out, px^2."""
+        """Doubt matches by how much blur was evened out, px^2: log-odds and deviation."""
         unlike, odds = self.unlike, verdict.log_odds
         factor = F4(max(1 - unlike.doubt_per_blur * evened, unlike.least_factor))
         even = F4(unlike.even_odds)
         np.copyto(odds, even + factor * (odds - even),
                   where=odds > F4(self.tuning.island_odds))
+        verdict.std[:] *= F4(1 + unlike.std_per_blur * evened)
 
     def doubt_repetitions(self, clear_share, verdict):
         """

@@ -109,6 +109,9 @@ class RawTuning(Constants):
         chosen('True planes contradict each other by the noise of compression. .3: casting, JPEG '
                '40 .816 right, now .875; effector_bin, JPEG 95 .763, now .816. Wrong 2.1 -> 3.2 '
                'and 9.3 -> 9.2 %. Below quality 20 matches of chance are common.'))
+    std_factors: tuple = constant(
+        (1.0, 1.0, 1.05, 1.2, 1.2), '1', 'Factor of the standard deviation in compressed images.',
+        chosen('z68 of JPEG 40 without it: effector_bin 1.64, casting 1.18.'))
     trusted_light: tuple = constant(
         (30.0, 150.0), 'DN', 'Sum of the channels from which log-odds of compressed images begin '
         'to count, and from which they count fully.',
@@ -462,6 +465,10 @@ class UnlikeTuning(Constants):
         0.06, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
         chosen('A sigma of 3 px of the right view, effector_bin: log-odds of 3 to 4 are .80 '
                'right, those of 4 to 6 .93.'))
+    std_per_blur: float = constant(
+        0.028, 'px^-2', 'By how much the factor of the standard deviation rises with it.',
+        chosen('z68 without it, a sigma of 3 px of the right view: casting .95, effector_bin '
+               '1.75; 2 px: .80 and 1.41.'))
     least_factor: float = constant(
         0.4, '1', 'Smallest factor of the log-odds, as distance from `even_odds`.',
         chosen('The information of the colors is never gone altogether.'))
