@@ -2,15 +2,20 @@
 """The account of a measurement: shares that add up, and doubts only where something is wrong."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 from ros_rig import calibration, PAPER, scene
+from surface_pairs import exposed, photographed
 
 from color_stereo_ros.cli import main as cli
-from color_stereo_ros.core import ColorStereo, Settings, Status, StereoCalibration
+from color_stereo_ros.core import (
+    ColorStereo, PatternSettings, Settings, Status, StereoCalibration)
 from color_stereo_ros.core.account import (
-    doubts_about_images, doubts_about_result, main_reason, status_shares)
+    doubts_about_features, doubts_about_images, doubts_about_result, main_reason, status_shares)
+from color_stereo_ros.core.patterns.feature_size import feature_size_in, FIELDS
 from color_stereo_ros.files.image import write_image
 
 SHAPE = 6, 8
@@ -117,6 +122,39 @@ def test_too_few_ranges_are_a_doubt_with_the_main_reason(stereo):
     black = np.zeros_like(scene()[0])
     (doubt,) = doubts_about_result(stereo, black, black, stereo.process(black, black))
     assert doubt.startswith('hardly any pixel has a range; 100.0% dark: too little pattern light')
+
+
+def seen_by_a_single_chip(size, kind):
+    """Return what a camera with a mosaic sees of structures of a size, px."""
+    image = exposed(photographed(np.zeros((240, 320)), size, kind), np.random.default_rng(1))
+    mosaic = image[..., 1].copy()
+    mosaic[::2, ::2], mosaic[1::2, 1::2] = image[::2, ::2, 0], image[1::2, 1::2, 2]
+    return cv2.cvtColor(mosaic, cv2.COLOR_BayerBG2RGB)
+
+
+@pytest.mark.parametrize('kind', FIELDS)
+@pytest.mark.parametrize('size', [4.0, 6.0, 9.0, 14.0])
+def test_the_size_of_the_structures_is_seen_in_the_image(kind, size):
+    found = feature_size_in(seen_by_a_single_chip(size, kind), PatternSettings(type=kind))
+    assert found == pytest.approx(size, abs=0.5, rel=0.1)
+
+
+def test_no_size_is_told_of_what_shows_none():
+    image = seen_by_a_single_chip(6.0, 'hue_field')
+    assert feature_size_in(image, PatternSettings(type='sine')) is None
+    assert feature_size_in(gray(image), PatternSettings()) is None
+    assert feature_size_in(np.zeros_like(image), PatternSettings()) is None
+
+
+def test_structures_that_are_too_small_are_a_doubt_with_the_value_to_set():
+    pattern = PatternSettings(feature_size=9.0)
+    small, large = (SimpleNamespace(image=seen_by_a_single_chip(size, pattern.type))
+                    for size in (3.0, 6.0))
+    (doubt,) = doubts_about_features(pattern, small)
+    assert 'too small in the image' in doubt
+    value = float(doubt.split('set pattern.feature_size to ')[1].split()[0])
+    assert value == pytest.approx(12, abs=3)  # 4 / 3 of 9
+    assert not doubts_about_features(pattern, large)
 
 
 def test_process_prints_the_shares_with_their_meaning(pair, capsys):

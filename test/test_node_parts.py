@@ -13,7 +13,7 @@ import threading
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
-from color_stereo_ros.core import Alignment, RecordingError, Settings
+from color_stereo_ros.core import account, Alignment, RecordingError, Settings
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.files.cloud import save_cloud
 from color_stereo_ros.messages.calibration_watch import CalibrationWatch
@@ -408,6 +408,7 @@ class CountedStereo:
     def __init__(self, swapped_density):
         self.calls = 0
         self.density = swapped_density
+        self.settings = Settings()
         self.alignment = Alignment.unknown((64, 48))
 
     def process(self, left, right, alignment):
@@ -421,7 +422,7 @@ def looked_at(stereo, seconds, density, said, clock):
     doubts = Doubts(said.append, clock)
     left, right = scene()
     result = SimpleNamespace(density=density, status=np.zeros((4, 4), np.uint8), alignment=None,
-                             rival_share=0.0)
+                             rival_share=0.0, image=left)
     for _ in range(20 * seconds):
         clock.now += 0.05
         doubts.look(stereo, left, right, result)
@@ -454,9 +455,24 @@ def test_rows_that_disagree_are_told_once_whatever_the_number():
     spread = 1e-4 * np.eye(7)
     for offset in (0.7, 0.72, 0.9):
         alignment = Alignment((64, 48), [offset, *np.zeros(6)], spread, np.zeros(7))
-        doubts.look(None, left, right, SimpleNamespace(
-            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=alignment))
+        doubts.look(CountedStereo(0.9), left, right, SimpleNamespace(
+            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=alignment, image=left))
     assert len(said) == 1 and said[0].startswith('rows differ by 0.7 px (')
+
+
+def test_small_structures_of_the_pattern_are_told_once(monkeypatch):
+    sizes = iter((3.9, 4.2, 3.8, 5.0, 4.2))
+    monkeypatch.setattr(account, 'feature_size_in', lambda image, pattern: next(sizes))
+    said, held, clock = [], [], Clock()
+    doubts = Doubts(said.append, clock)
+    left, right = scene()
+    for _ in range(5):
+        clock.now += 1.0
+        doubts.look(CountedStereo(0.9), left, right, SimpleNamespace(
+            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=None, image=left))
+        held.append(len(doubts.current))
+    assert held == [1, 1, 1, 0, 0] and len(said) == 1
+    assert 'set pattern.feature_size to 10 instead of 9' in said[0]
 
 
 # ---- help

@@ -2,10 +2,11 @@
 """Views that differ in blur, color, compression and hot pixels: what is measured and mended."""
 
 from color_stereo_ros.core import ColorStereo
+from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
 from color_stereo_ros.core.surface.raw_faults import (
-    chroma_is_subsampled, has_hot_pixels, without_hot_pixels)
+    chroma_is_subsampled, has_hot_pixels, quantization, without_hot_pixels)
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
 import cv2
 import numpy as np
@@ -72,6 +73,21 @@ def test_blur_of_one_view_is_recovered(usual, monkeypatch, side, sigma):
     expected = sigma ** 2 * (1 if side == 'left' else -1)
     np.testing.assert_allclose(total, expected, rtol=0.25)
     assert share_right(result) > 0.95
+
+
+def test_blur_that_was_evened_out_is_doubted(usual):
+    views = usual._method.views
+    sharp = usual.process(*pair())
+    assert views.evened == 0
+    found = []
+    for sigma in (2.0, 3.0):
+        result = usual.process(*pair(right=blurred(sigma, sigma)))
+        assert views.evened == pytest.approx(sigma ** 2, rel=0.25)
+        found.append((np.median(result.confidence), np.nanmedian(result.disparity_std)))
+    assert np.median(sharp.confidence) > found[0][0] > found[1][0] > 0.9
+    assert np.nanmedian(sharp.disparity_std) < found[0][1] < found[1][1]
+    usual.process(*pair())
+    assert views.evened == 0
 
 
 def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):
@@ -155,6 +171,42 @@ def test_a_compressed_dark_background_does_not_decide_about_the_colors(usual, qu
     images = [compressed(image, quality) for image in pair(left, right)]
     result = usual.process(*images)
     assert (np.abs(result.disparity - TRUTH)[70:170, 135:225] < 0.5).mean() > 0.78
+@pytest.mark.parametrize('quality, step', [(95, 1), (85, 4), (60, 10), (40, 15)])
+def test_the_quantization_is_read_from_the_image(quality, step):
+    # quality 50: 11, 12, 12, 10 and 14; above, (100 - quality) / 50 of it, below 50 / quality
+    light = 0.3 + 0.5 * photographed(0 * TRUTH)  # no channel is clipped
+    image = exposed(light, np.random.default_rng(5))
+    assert quantization(image, TUNING.raw) == 1
+    assert step <= quantization(compressed(image, quality), TUNING.raw) <= 1.25 * step
+    assert quantization(image[:7], TUNING.raw) == 1
+
+
+def test_a_half_dark_image_has_the_noise_of_its_light(usual):
+    dark = np.ones((HEIGHT, WIDTH, 1))
+    dark[HEIGHT // 2:] = 0.01
+    scales = []
+    for change in (lambda light: light, lambda light: dark * light):
+        method = usual._method
+        match = method.match
+        images = [compressed(image, 60) for image in pair(left=change, right=change)]
+        pair_model, _ = match(*images, np.zeros(7), Stopwatch())
+        scales.append(pair_model.scale)
+    assert scales[1] == pytest.approx(scales[0], rel=0.3)
+    assert scales[0] > 2 * TUNING.pair.scale_limits[0]
+
+
+@pytest.mark.parametrize('quality', [95, 85, 60])
+def test_the_dark_level_of_compressed_images_is_one_of_all_channels(usual, monkeypatch, quality):
+    lit = np.arange(WIDTH)[:, None] > WIDTH // 2
+    found = []
+    views = usual._method.views
+    monkeypatch.setattr(type(views.left), 'fill', lambda view, dark, *rest: found.append(dark))
+    images = pair(left=lambda light: 0.4 * lit * light, right=lambda light: 0.4 * lit * light)
+    views.load(*(compressed(cv2.add(image, (5, 5, 5, 0)), quality) for image in images),
+               np.zeros(7))
+    assert views.compressed
+    assert np.ptp(found) == 0
+    assert found[0][0] == pytest.approx(5, abs=1)
 
 
 def test_images_without_color_are_not_compressed():

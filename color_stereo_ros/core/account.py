@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .constants import chosen, constant, Constants, derived, unexplained
+from .patterns.feature_size import feature_size_in
+from .settings import PatternSettings
 from .status import Status
 
 FIRST = 'The value of the first version (4de8491).'
@@ -39,6 +41,13 @@ class AccountTuning(Constants):
     swapped_ratio: int = constant(
         3, '1', 'How many times more ranges swapped images must give for a doubt.',
         unexplained(FIRST))
+    least_feature: float = constant(
+        4.0, 'px', 'Structure of the pattern in the image below which colors blur into each other.',
+        chosen('The smallest of docs/hardware.md. Simulated rig: 6.2 to 7.7 px; under a projector '
+               'with 1.9 times as many columns 3.8 to 4.5 px.'))
+    feature_margin: float = constant(
+        1.1, '1', 'Factor of this size up to which a doubt holds that was said already.',
+        unexplained('Estimates of two pairs differ by less; a doubt is then said once.'))
 
 
 TUNING = AccountTuning()
@@ -46,6 +55,7 @@ FEW = TUNING.few_ranges
 """Below this share of pixels with a range something is wrong."""
 SUSPICIOUS = TUNING.suspicious_share
 """Below this share of pixels with a range the images may be swapped."""
+LARGEST_FEATURE = PatternSettings.__dataclass_fields__['feature_size'].metadata['maximum']
 
 
 def status_shares(status):
@@ -146,13 +156,42 @@ def doubts_about_result(stereo, left, right, result):
 
     """
     few = doubt_about_ranges(status_shares(result.status))
-    return [*doubts_about_rows(result), *doubts_about_order(stereo, left, right, result),
+    return [*doubts_about_rows(result), *doubts_about_features(stereo.settings.pattern, result),
+            *doubts_about_order(stereo, left, right, result),
             *filter(None, [doubt_about_rivals(result), few])]
 
 
 def doubts_about_rows(result):
     """Return that the rows of the two views disagree, or that the views have nothing in common."""
     return list(filter(None, [result.alignment and result.alignment.sentence()]))
+
+
+def doubts_about_features(pattern, result, said=False):
+    """
+    Return that the structures of the pattern are too small in the image, with a better setting.
+
+    Parameters
+    ----------
+    pattern : PatternSettings
+    result : RangeResult
+    said : bool
+        The doubt was said of the pair before: it holds a little longer.
+
+    Returns
+    -------
+    doubts : list of str
+        Sentences for people; empty where they are large enough, or their size is not seen.
+
+    """
+    size = feature_size_in(result.image, pattern)
+    least = TUNING.least_feature
+    if size is None or size >= least * (TUNING.feature_margin if said else 1):
+        return []
+    larger = min(np.ceil(pattern.feature_size * least / max(size, 1)), LARGEST_FEATURE)
+    return [f'the smallest structures of the pattern are too small in the image: {size:.1f} px, '
+            f'below {least:.0f} px the colors blur into each other; set pattern.feature_size to '
+            f'{larger:.0f} instead of {pattern.feature_size:g} where the pattern is shown and '
+            'where it is measured']
 
 
 def doubts_about_order(stereo, left, right, result):

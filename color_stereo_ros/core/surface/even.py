@@ -226,6 +226,7 @@ def limits(values):
 def apply(unlikeness, views, softening, tuning):
     """Make the views alike, in place."""
     if unlikeness.blurred:
+        views.evened += float(np.abs(unlikeness.blur[:, 0]).mean())
         for view, sign in ((views.left, -1), (views.right, 1)):
             variance = sign * polynomials(unlikeness.blur, LINEAR, unlikeness.blur_limits, view,
                                           views.grid, unlikeness.shift)

@@ -157,8 +157,7 @@ class SurfaceMethod:
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
                                       self.trust.least_odds)
         clock.lap('expand', measurement)
-        return replace(measurement, alignment=alignment,
-                       rival_share=self.rival_share)
+        return replace(measurement, alignment=alignment, rival_share=self.rival_share)
 
     def bend(self, views, planes, pair, clock):
         """

@@ -50,6 +50,8 @@ class PairModel:
         misfit, variance = planes.misfit, views.left.variance
         if mostly_dim(misfit[area], variance[area], tuning.pair):
             misfit = np.where(variance < F4(tuning.pair.dim_variance), misfit, F4(np.nan))
+        if views.compressed:  # compression leaves no noise where it is dark
+            misfit = np.where(views.left.s > F4(tuning.raw.least_light), misfit, F4(np.nan))
         known = misfit[area][np.isfinite(misfit[area])]
         if known.size < tuning.pair.least_samples:
             return self

@@ -10,6 +10,9 @@ from .tuning import TUNING
 LUMA = np.array(TUNING.raw.luma, F4)
 RING = np.pad(np.zeros((3, 3), np.uint8), 1, constant_values=1)
 """The pixels two columns or two rows away: demosaicing spreads a pixel over one."""
+BLOCK = TUNING.raw.block
+COSINES = cv2.dct(np.eye(BLOCK, dtype=F4), flags=cv2.DCT_ROWS).T
+"""Waves of the transform of a block, one a row."""
 TENT = np.ones((3, 3), np.uint8)
 """What demosaicing makes of a pixel."""
 
@@ -42,6 +45,44 @@ def chroma_is_subsampled(image, tuning):
         even, odd = third[:, 0::2].mean(), third[:, 1::2].mean()
         logs.append(np.log((even + tuning.least_change) / (odd + tuning.least_change)))
     return abs(sum(logs)) > 2 * tuning.pairing
+
+
+def quantization(image, tuning):
+    """
+    Return the step of the low frequencies of luma in a JPEG image, DN; 1 where none shows.
+
+    The coefficients of the cosine transform of the blocks are multiples of it. A cropped image,
+    whose blocks lie elsewhere, shows none.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+    tuning : RawTuning
+
+    """
+    columns = image.shape[1] // BLOCK
+    tops = range(0, image.shape[0] - BLOCK + 1, BLOCK * tuning.block_rows)
+    if not tops or not columns:
+        return 1.0
+    strips = [image[top:top + BLOCK, :columns * BLOCK].astype(F4) @ LUMA for top in tops]
+    blocks = np.stack(strips).reshape(-1, BLOCK, columns, BLOCK)
+    steps = [step_of(np.abs(np.einsum('rykx,y,x->rk', blocks, COSINES[v], COSINES[u])).ravel(),
+                     tuning) for v, u in tuning.frequencies]
+    return float(max(steps))
+
+
+def step_of(values, tuning):
+    """Return the number of which values, float32 (N,), are multiples; 1 where none is found."""
+    found, best = 1, tuning.periodic
+    for step in range(2, tuning.largest_quantization + 1):
+        large = values[values > tuning.beyond_zero * step]
+        if np.count_nonzero(large > 2 * tuning.beyond_zero * step) < tuning.least_values:
+            break
+        score = np.cos(large * F4(2 * np.pi / step)).mean()
+        if score > best:
+            found, best = step, score
+    return found
 
 
 def has_hot_pixels(image, tuning):

@@ -57,6 +57,7 @@ class Trust:
     def __init__(self, grid, limits, settings, tuning, arena):
         """Allocate the evidence."""
         self.grid, self.settings = grid, settings
+        self.raw, self.unlike = tuning.raw, tuning.unlike
         margin = tuning.pixels.limit_margin
         self.limits = limits + np.array([-margin, margin], F4)
         self.suit(tuning)
@@ -104,7 +105,7 @@ class Trust:
             self.log_odds[self.grid.inner] += confirmed
             self.distrust_unsteady()
         if self.tuning.discord_odds:
-            self.distrust_discord(planes)
+            self.distrust_discord(planes, self.discord_distance(views))
         self.distrust_islands(views, planes)
         self.find_hidden(planes)
         verdict = self.settle(views, planes, views.left.s if light is None else light)
@@ -114,6 +115,10 @@ class Trust:
             odds = np.interp(self.at_all_nodes(seeds.clear_share), self.repetition.clear_shares,
                              self.repetition.odds).astype(F4)
             self.doubt_repetitions(odds, verdict)
+        if views.compressed:
+            self.doubt_dark_places(views, verdict)
+        if views.evened:
+            self.doubt_blur(views.evened, verdict)
         return verdict
 
     def weigh(self, views, planes):
@@ -151,9 +156,22 @@ class Trust:
         """Return samples, float32 (h, w), at all nodes (rows, columns), linearly interpolated."""
         return cv2.resize(samples, self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
 
-    def distrust_discord(self, planes):
+    def discord_distance(self, views):
+        """Return the root of the distance from which nodes contradict their neighbors, px^.5."""
+        distance, unlike, raw = self.tuning.discord_distance, self.unlike, self.raw
+        if views.evened:
+            distance = max(distance, np.interp(
+                views.evened, unlike.discord_blurs, unlike.discord_distances))
+        if views.compressed:
+            distance = max(distance, np.interp(
+                views.quantization, raw.quantizations, raw.discord_distances))
+        return distance
+
+    def distrust_discord(self, planes, distance):
         """
         Trust nodes less where most planes around them contradict their neighbors.
+
+        distance: root of the distance from which they do, px^.5.
 
         Noise, or two images of different things, match by chance here and there. A single such
         node looks as good as a true one; its surroundings do not.
@@ -162,7 +180,7 @@ class Trust:
         tuning, inner = self.tuning, self.grid.inner
         thinned = np.s_[::tuning.discord_step, ::tuning.discord_step]
         known = (planes.variance[inner][thinned] < F4(tuning.discord_variance)).view(np.uint8)
-        apart = self.evidence[APART][thinned] > F4(tuning.discord_distance)
+        apart = self.evidence[APART][thinned] > F4(distance)
         apart = apart.view(np.uint8) & known
         # border pixels are repeated, by both counts alike
         around = (tuning.discord_surroundings,) * 2
@@ -204,6 +222,27 @@ class Trust:
                F4(color.saturation_level - 1), F4(color.min_signal), F4(self.tuning.hidden_odds),
                F4(self.tuning.vague_std), verdict.std, verdict.log_odds, verdict.reason)
         return verdict
+
+    def doubt_dark_places(self, views, verdict):
+        """Change the log-odds of compressed images by their light, and the deviation."""
+        raw, odds = self.raw, verdict.log_odds
+        low, high = np.log(raw.trusted_light)
+        light = np.log(np.maximum(views.left.s, F4(1)))
+        share = np.clip((light - F4(low)) * F4(1 / (high - low)), 0, 1)
+        possible = odds > F4(self.tuning.island_odds)
+        factor = F4(raw.dark_odds) + F4(1 - raw.dark_odds) * share
+        changed = F4(raw.even_odds) + factor * (odds - F4(raw.even_odds))
+        verdict.std[:] *= F4(np.interp(views.quantization, raw.quantizations, raw.std_factors))
+        np.copyto(odds, changed + F4(raw.added_odds) * share, where=possible)
+
+    def doubt_blur(self, evened, verdict):
+        """Doubt matches by how much blur was evened out, px^2: log-odds and deviation."""
+        unlike, odds = self.unlike, verdict.log_odds
+        factor = F4(max(1 - unlike.doubt_per_blur * evened, unlike.least_factor))
+        even = F4(unlike.even_odds)
+        np.copyto(odds, even + factor * (odds - even),
+                  where=odds > F4(self.tuning.island_odds))
+        verdict.std[:] *= F4(1 + unlike.std_per_blur * evened)
 
     def doubt_repetitions(self, odds, verdict):
         """

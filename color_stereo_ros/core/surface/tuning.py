@@ -62,15 +62,69 @@ class RawTuning(Constants):
     luma: tuple = constant(
         (0.299, 0.587, 0.114), '1', 'Weights of r, g and b in the luma of JPEG and of video.',
         derived('ITU-R BT.601.'))
-    luma_surroundings: float = constant(
-        2.5, 'px', 'Standard deviation of the surroundings whose brightness luma is divided by.',
-        chosen('JPEG 60, nut: density .80 -> .89; 2 px: .88, 8 px: .85. Printed: .63 -> .94.'))
-    chroma_smoothing: float = constant(
-        2.0, 'px', 'Standard deviation of the average of what luma does not tell.',
-        chosen('JPEG 60: nut .891 -> .904, printed .939 -> .954, casting .848 -> .868.'))
-    noise_correlation: float = constant(
-        2.0, '1', 'Factor of the variance of planes for errors that neighbors share in compressed '
-        'images.', chosen('z68 of JPEG 60: 1.6 -> 1.1.'))
+    block: int = constant(
+        8, 'px', 'Rows and columns of a block of luma.', derived('ITU-T T.81 (JPEG).'))
+    block_rows: int = constant(
+        5, 'blocks', 'Every so many rows of blocks are transformed to find the quantization.',
+        chosen('960 blocks are left at 640 x 480, some .004 s, in compressed pairs only.'))
+    frequencies: tuple = constant(
+        ((0, 1), (1, 0), (1, 1), (0, 2), (2, 0)), '1', 'Vertical and horizontal frequencies that '
+        'are looked at.', chosen('The strongest ones, with the smallest quantization.'))
+    largest_quantization: int = constant(
+        80, 'DN', 'Largest quantization that is looked for.',
+        derived('That of quality 8: 6 times the 11 or 12 of quality 50.'))
+    beyond_zero: float = constant(
+        0.75, '1', 'Share of the quantization from which a value tells about it.',
+        derived('Zero is a multiple of every number.'))
+    least_values: int = constant(
+        30, '1', 'Values beyond the first multiple below which a quantization is not looked for.',
+        chosen('The mean cosine of 30 random phases is .13. Values near one multiple only may be '
+               'the tail of any distribution.'))
+    periodic: float = constant(
+        0.5, '1', 'Mean cosine of the phases from which values are multiples of a number.',
+        chosen('Five scenes: JPEG 85, 60 and 40 are found to 1 DN, clean images and JPEG 95 have '
+               'none. The best number wins: its divisors fit less well.'))
+    quantizations: tuple = constant(
+        (1.0, 4.0, 11.0, 19.0, 40.0), 'DN', 'Quantizations of `luma_surroundings`, '
+        '`chroma_smoothing` and `discord_distances`.', derived('JPEG 95, 85, 60, 40, 18.'))
+    luma_surroundings: tuple = constant(
+        (1.5, 2.0, 2.5, 2.5, 2.5), 'px', 'Standard deviation of the surroundings whose brightness luma '
+        'is divided by.',
+        chosen('Share of right pixels, casting, 1.5 and 2.5 px: JPEG 95 .921 and .903, JPEG 60 '
+               '.836 and .870.'))
+    chroma_smoothing: tuple = constant(
+        (1.0, 1.5, 2.0, 2.5, 2.5), 'px', 'Standard deviation of the average of what luma does not '
+        'tell.',
+        chosen('Share of right pixels, effector_bin, 1.2 and 2 px: JPEG 95 .637 and .616, JPEG 60 '
+               '.620 and .649.'))
+    dark_cell: int = constant(
+        8, 'px', 'Width of the cells whose means show the dark level of compressed images.',
+        derived('A block of JPEG: its mean keeps most of the precision.'))
+    least_light: float = constant(
+        48.0, 'DN', 'Sum of the channels from which a node shows the noise of compressed images.',
+        chosen('Where it is dark compression removes all noise. A half dark image (effector_bin) '
+               'had a noise scale of .1, the smallest one; its lit nodes say 1 to 3.'))
+    discord_distances: tuple = constant(
+        (0.5, 0.5, 0.5, 0.5, 0.3), 'px^0.5', 'As `trust.discord_distance`, in compressed images.',
+        chosen('True planes contradict each other by the noise of compression. .3: casting, JPEG '
+               '40 .816 right, now .875; effector_bin, JPEG 95 .763, now .816. Wrong 2.1 -> 3.2 '
+               'and 9.3 -> 9.2 %. Below quality 20 matches of chance are common.'))
+    std_factors: tuple = constant(
+        (1.0, 1.0, 1.05, 1.2, 1.2), '1', 'Factor of the standard deviation in compressed images.',
+        chosen('z68 of JPEG 40 without it: effector_bin 1.64, casting 1.18.'))
+    trusted_light: tuple = constant(
+        (30.0, 150.0), 'DN', 'Sum of the channels from which log-odds of compressed images begin '
+        'to count, and from which they count fully.',
+        chosen('Log-odds of 3 to 4: .99 right above 60 DN, .9 from 30 to 60 DN, .72 below.'))
+    dark_odds: float = constant(
+        0.3, '1', 'Factor of the log-odds, as distance from `even_odds`, below the first of them.',
+        chosen('Below 30 DN, log-odds of 3.5 and 5 are .72 and .87 right.'))
+    even_odds: float = constant(
+        0.4, '1', 'Log-odds that this factor leaves as they are.',
+        chosen('Those of `matching.min_confidence`: density stays, confidence falls.'))
+    added_odds: float = constant(
+        0.4, '1', 'Added to the log-odds of compressed images where they count fully.',
+        chosen('Log-odds of 0 to 1: .72 right, five scenes at four qualities.'))
     spike: int = constant(
         40, 'DN', 'Height above the pixels around from which a pixel counts as hot.',
         chosen('.03 to .04 % of the values of clean images, .2 to .3 % with 1 % hot pixels.'))
@@ -402,8 +456,31 @@ class UnlikeTuning(Constants):
         derived('A sampled bell of less than half a node is too narrow.'))
     blur_step: float = constant(
         0.6, '1', 'Share of the measured blur that one look evens out.',
-        chosen('The first matches are rough, so that a whole step goes too far; both views are '
-               'blurred then. Sigma 3 px: density .865 with 1, .89 with .5.'))
+        chosen('The first matches are rough. Share of right pixels under a sigma of 3 px of the '
+               'right (left) view with 1, .6, .5: casting .828 .823 .826 (.816 .822 .822), '
+               'effector_bin .756 .754 .752 (.737 .734 .742): no difference that matters.'))
+    discord_blurs: tuple = constant(
+        (0.0, 4.0), 'px^2', 'Blur that was evened out at which `discord_distances` hold.',
+        derived('None, and a sigma of 2 px.'))
+    discord_distances: tuple = constant(
+        (0.3, 0.5), 'px^0.5', 'As `trust.discord_distance`.',
+        chosen('True planes of blurred colors contradict each other by more. Share of right '
+               'pixels with .3 and .5, a sigma of 3 px of the right view: casting .823 and .846, '
+               'effector_bin .754 and .781; wrong 3.9 and 4.6, 13.7 and 14.4 %.'))
+    doubt_per_blur: float = constant(
+        0.06, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
+        chosen('A sigma of 3 px of the right view, effector_bin: log-odds of 3 to 4 are .80 '
+               'right, those of 4 to 6 .93.'))
+    std_per_blur: float = constant(
+        0.028, 'px^-2', 'By how much the factor of the standard deviation rises with it.',
+        chosen('z68 without it, a sigma of 3 px of the right view: casting .95, effector_bin '
+               '1.75; 2 px: .80 and 1.41.'))
+    least_factor: float = constant(
+        0.4, '1', 'Smallest factor of the log-odds, as distance from `even_odds`.',
+        chosen('The information of the colors is never gone altogether.'))
+    even_odds: float = constant(
+        0.4, '1', 'Log-odds that this factor leaves as they are.',
+        derived('As `raw.even_odds`.'))
     blur_prior: float = constant(
         9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
         derived('A sigma of 3 px is plausible.'))

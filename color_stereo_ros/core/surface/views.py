@@ -21,7 +21,7 @@ from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .moving import MovedRows
 from .raw_faults import (
-    chroma_is_subsampled, has_hot_pixels, LUMA, without_hot_pixels)
+    chroma_is_subsampled, has_hot_pixels, LUMA, quantization, without_hot_pixels)
 from .view_kernels import box_sums, channel_levels, sample_colors
 
 ROOT12 = F4(2 * math.sqrt(3.0))
@@ -51,6 +51,10 @@ class Views:
         Of the pair in force, see `gains.noise_weight`.
     compressed : bool
         The chroma of the pair in force is subsampled.
+    evened : float
+        Blur that was evened out in the pair in force, px^2, see `even.apply`.
+    quantization : float
+        Of the last such pair, DN, see `raw_faults.quantization`.
 
     """
 
@@ -77,6 +81,8 @@ class Views:
         self.noise_weight = F4(1)
         self.compressed = False
         self.saturation = settings.color.saturation_level - 1
+        self.quantization = 1.0
+        self.evened = 0.0
 
     def load(self, left, right, applied):
         """
@@ -97,16 +103,19 @@ class Views:
         """
         if self.moved is not None:
             self.moved.move(applied)
+        self.evened = 0.0
         color = self.settings.color
         left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
                        else image for image in (left, right))
-        levels = [self.left.load(left, color), self.right.load(right, color)]
-        self.share_dark_levels(levels)
-        gains = channel_gains(levels, color, self.tuning, (left, right))
         # chroma that is subsampled in one view alone would make the views unlike
         self.compressed = all(chroma_is_subsampled(image, self.raw) for image in (left, right))
+        cell = self.raw.dark_cell if self.compressed else 1
+        levels = [self.left.load(left, color, cell), self.right.load(right, color, cell)]
+        self.share_dark_levels(levels)
+        gains = channel_gains(levels, color, self.tuning, (left, right))
+        smoothing = self.smoothing(left, right) if self.compressed else None
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
-            view.fill(dark, gain, color, self.raw if self.compressed else None)
+            view.fill(dark, gain, color, smoothing)
         self.noise_weight = F4(noise_weight(left, self.tuning))
         return self
 
@@ -119,14 +128,27 @@ class Views:
                 view.add_print()
         self.noise_weight = F4(self.noise_weight / (1 + 2 * self.tuning.averaging_radius) ** 2)
 
+    def smoothing(self, left, right):
+        """Write quantization; return how much to smooth, see `View.sharpen_by_luma`."""
+        raw = self.raw
+        # clipped blocks hide it
+        self.quantization = max(quantization(left, raw), quantization(right, raw))
+        return tuple(float(np.interp(self.quantization, raw.quantizations, each))
+                     for each in (raw.luma_surroundings, raw.chroma_smoothing))
+
     def share_dark_levels(self, levels):
         """
         Lower the dark levels of a view that sees nothing dark to those of the other view.
 
         levels: as `channel_gains` takes them; changed in place. Blur takes the darkest places
-        from a view: then light would be taken for the dark level.
+        from a view: then light would be taken for the dark level. Compression makes the dark
+        levels of channels differ by 1 DN, which would color dark places: all get the lowest one.
 
         """
+        if self.compressed and self.settings.color.dark_level < 0:
+            least = min(dark.min() for dark, _ in levels)
+            for dark, mean in levels:
+                brighten(dark, mean, np.full(3, least, F4))
         for view, (dark, mean), (other, _) in ((self.left, levels[0], levels[1]),
                                                (self.right, levels[1], levels[0])):
             if not view.sees_black and (dark - other).max() > self.tuning.dark_difference:
@@ -190,9 +212,11 @@ class View:
                                borderValue=0)
         self.widening[:, surrounded == 0] = 0
 
-    def load(self, image, color):
+    def load(self, image, color, cell=1):
         """
         Take an image, uint8 (H, W, 3).
+
+        cell: the dark level is that of the means of cells of so many pixels.
 
         Returns
         -------
@@ -201,10 +225,13 @@ class View:
 
         """
         cv2.cvtColor(image, cv2.COLOR_RGB2RGBA, dst=self.pixels)  # four bytes are one number
-        tuning = self.tuning
-        step = min(tuning.sample_step, max(1, min(image.shape[:2]) // tuning.sample_rows))
+        tuning, pixels = self.tuning, self.pixels
+        height, width = (max(1, count // cell) for count in image.shape[:2])
+        if cell > 1:
+            pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
+        step = min(tuning.sample_step // cell, max(1, min(height, width) // tuning.sample_rows))
         dark, mean = np.empty((2, 3), F4)
-        channel_levels(self.pixels, step, F4(color.dark_level), tuning.largest_dark_level, dark,
+        channel_levels(pixels, step, F4(color.dark_level), tuning.largest_dark_level, dark,
                        mean)
         self.sees_black = True
         if color.dark_level < 0:
@@ -215,7 +242,7 @@ class View:
                 brighten(dark, mean, min(dark.min(), F4(tuning.usual_dark_level)))
         return dark, mean
 
-    def fill(self, dark, gain, color, raw=None):
+    def fill(self, dark, gain, color, smoothing=None):
         """
         Rectify the image into chromaticity, brightness and variance.
 
@@ -226,8 +253,8 @@ class View:
         gain : numpy.ndarray, float32, shape (3,)
             Of the channels.
         color : ColorSettings
-        raw : RawTuning, optional
-            Of a compressed image, whose luma is sharper than its chroma.
+        smoothing : (float, float), optional
+            Of a compressed image, whose luma is sharper than its chroma: see `sharpen_by_luma`.
 
         """
         box_sums(self.pixels.view(np.uint32)[..., 0], self.box)
@@ -235,10 +262,10 @@ class View:
                       dark, gain, F4(self.tuning.softening), F4(color.saturation_level - 1),
                       self.noise, self.widening, self.ring, self.u, self.v, self.s, self.peak,
                       self.variance)
-        if raw is not None:
-            self.sharpen_by_luma(gain, raw)
+        if smoothing is not None:
+            self.sharpen_by_luma(gain, *smoothing)
 
-    def sharpen_by_luma(self, gain, raw):
+    def sharpen_by_luma(self, gain, surroundings, smoothing):
         """
         Take one direction of the chromaticity from luma, which compression keeps best.
 
@@ -250,7 +277,10 @@ class View:
         ----------
         gain : numpy.ndarray, float32, shape (3,)
             Of the channels.
-        raw : RawTuning
+        surroundings : float
+            Standard deviation of the mean of the brightness, px.
+        smoothing : float
+            The same of the other direction of the chromaticity.
 
         """
         weight = LUMA / gain
@@ -260,10 +290,10 @@ class View:
         along_u, along_v, offset = along_u / length, along_v / length, weight.sum() / 3 / length
         lit = self.s > 0
         luma = self.s * (offset + along_u * self.u + along_v * self.v)
-        own = luma / self.mean_inside(self.s, raw.luma_surroundings) - offset
+        own = luma / self.mean_inside(self.s, surroundings) - offset
         across = self.s * (along_u * self.v - along_v * self.u)
-        across = (self.mean_inside(across, raw.chroma_smoothing, F4(0))
-                  / self.mean_inside(self.s, raw.chroma_smoothing))
+        across = (self.mean_inside(across, smoothing, F4(0))
+                  / self.mean_inside(self.s, smoothing))
         self.u[lit] = (along_u * own - along_v * across)[lit]
         self.v[lit] = (along_v * own + along_u * across)[lit]
 

@@ -4,8 +4,9 @@
 import re
 import time
 
-from ...core.account import (doubt_about_ranges, doubt_about_rivals, doubts_about_images,
-                             doubts_about_order, doubts_about_rows, status_shares, SUSPICIOUS)
+from ...core.account import (doubt_about_ranges, doubt_about_rivals, doubts_about_features,
+                             doubts_about_images, doubts_about_order, doubts_about_rows,
+                             status_shares, SUSPICIOUS)
 
 _PERIOD = 0.5
 """s between two looks at the images."""
@@ -33,7 +34,7 @@ class Doubts:
     def __init__(self, warn, clock=time.monotonic):
         self._warn = warn
         self._clock = clock
-        self._images, self._order, self._rivals = [], [], []
+        self._images, self._features, self._order, self._rivals = [], [], [], []
         self._kinds = set()
         self._images_due = self._order_due = -float('inf')
         self._wait = _PERIOD
@@ -41,7 +42,7 @@ class Doubts:
     @property
     def current(self):
         """Return the sentences that hold now, but not the one about few ranges."""
-        return [*self._images, *self._order, *self._rivals]
+        return [*self._images, *self._features, *self._order, *self._rivals]
 
     def look(self, stereo, left, right, result):
         """
@@ -58,6 +59,8 @@ class Doubts:
         if self._clock() >= self._images_due:
             self._images_due = self._clock() + _PERIOD
             self._look_at_images(left[::_ROWS], right[::_ROWS])
+            self._features = doubts_about_features(stereo.settings.pattern, result,
+                                                   said=bool(self._features))
         if result.density >= SUSPICIOUS:
             self._order, self._order_due, self._wait = [], -float('inf'), _PERIOD
         elif self._clock() >= self._order_due:
