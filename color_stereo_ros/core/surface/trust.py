@@ -117,8 +117,9 @@ class Trust:
             self.doubt_repetitions(odds, verdict)
         if views.compressed:
             self.doubt_dark_places(views, verdict)
-        if views.evened:
-            self.doubt_blur(views.evened, verdict)
+        excess = views.evened - self.unlike.discord_blurs[0]
+        if excess > 0:
+            self.doubt_blur(excess, verdict)
         return verdict
 
     def weigh(self, views, planes):
@@ -159,7 +160,7 @@ class Trust:
     def discord_distance(self, views):
         """Return the root of the distance from which nodes contradict their neighbors, px^.5."""
         distance, unlike, raw = self.tuning.discord_distance, self.unlike, self.raw
-        if views.evened:
+        if views.evened > unlike.discord_blurs[0]:
             distance = max(distance, np.interp(
                 views.evened, unlike.discord_blurs, unlike.discord_distances))
         if views.compressed:
@@ -235,14 +236,14 @@ class Trust:
         verdict.std[:] *= F4(np.interp(views.quantization, raw.quantizations, raw.std_factors))
         np.copyto(odds, changed + F4(raw.added_odds) * share, where=possible)
 
-    def doubt_blur(self, evened, verdict):
-        """Doubt matches by how much blur was evened out, px^2: log-odds and deviation."""
+    def doubt_blur(self, excess, verdict):
+        """Doubt matches by how much more blur was evened out than clean pairs show, px^2."""
         unlike, odds = self.unlike, verdict.log_odds
-        factor = F4(max(1 - unlike.doubt_per_blur * evened, unlike.least_factor))
+        factor = F4(max(1 - unlike.doubt_per_blur * excess, unlike.least_factor))
         even = F4(unlike.even_odds)
         np.copyto(odds, even + factor * (odds - even),
                   where=odds > F4(self.tuning.island_odds))
-        verdict.std[:] *= F4(1 + unlike.std_per_blur * evened)
+        verdict.std[:] *= F4(1 + unlike.std_per_blur * excess)
 
     def doubt_repetitions(self, odds, verdict):
         """

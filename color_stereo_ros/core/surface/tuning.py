@@ -460,19 +460,20 @@ class UnlikeTuning(Constants):
                'right (left) view with 1, .6, .5: casting .828 .823 .826 (.816 .822 .822), '
                'effector_bin .756 .754 .752 (.737 .734 .742): no difference that matters.'))
     discord_blurs: tuple = constant(
-        (0.0, 4.0), 'px^2', 'Blur that was evened out at which `discord_distances` hold.',
-        derived('None, and a sigma of 2 px.'))
+        (1.0, 4.0), 'px^2', 'Blur that was evened out at which `discord_distances` hold; below '
+        'the first one nothing is doubted.',
+        chosen('Clean pairs under one or three sweeps stay below .7. 4: a sigma of 2 px.'))
     discord_distances: tuple = constant(
         (0.3, 0.5), 'px^0.5', 'As `trust.discord_distance`.',
         chosen('True planes of blurred colors contradict each other by more. Share of right '
                'pixels with .3 and .5, a sigma of 3 px of the right view: casting .823 and .846, '
                'effector_bin .754 and .781; wrong 3.9 and 4.6, 13.7 and 14.4 %.'))
     doubt_per_blur: float = constant(
-        0.06, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
+        0.068, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
         chosen('A sigma of 3 px of the right view, effector_bin: log-odds of 3 to 4 are .80 '
                'right, those of 4 to 6 .93.'))
     std_per_blur: float = constant(
-        0.028, 'px^-2', 'By how much the factor of the standard deviation rises with it.',
+        0.031, 'px^-2', 'By how much the factor of the standard deviation rises with it.',
         chosen('z68 without it, a sigma of 3 px of the right view: casting .95, effector_bin '
                '1.75; 2 px: .80 and 1.41.'))
     least_factor: float = constant(
