@@ -456,7 +456,8 @@ def test_rows_that_disagree_are_told_once_whatever_the_number():
     for offset in (0.7, 0.72, 0.9):
         alignment = Alignment((64, 48), [offset, *np.zeros(6)], spread, np.zeros(7))
         doubts.look(CountedStereo(0.9), left, right, SimpleNamespace(
-            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=alignment, image=left))
+            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=alignment, image=left,
+            rival_share=0.0))
     assert len(said) == 1 and said[0].startswith('rows differ by 0.7 px (')
 
 
@@ -469,7 +470,8 @@ def test_small_structures_of_the_pattern_are_told_once(monkeypatch):
     for _ in range(5):
         clock.now += 1.0
         doubts.look(CountedStereo(0.9), left, right, SimpleNamespace(
-            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=None, image=left))
+            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=None, image=left,
+            rival_share=0.0))
         held.append(len(doubts.current))
     assert held == [1, 1, 1, 0, 0] and len(said) == 1
     assert 'set pattern.feature_size to 10 instead of 9' in said[0]

@@ -42,7 +42,8 @@ class AccountTuning(Constants):
         3, '1', 'How many times more ranges swapped images must give for a doubt.',
         unexplained(FIRST))
     least_feature: float = constant(
-        4.0, 'px', 'Structure of the pattern in the image below which colors blur into each other.',
+        4.0, 'px', 'Structure of the pattern in the image below which colors blur into each '
+        'other.',
         chosen('The smallest of docs/hardware.md. Simulated rig: 6.2 to 7.7 px; under a projector '
                'with 1.9 times as many columns 3.8 to 4.5 px.'))
     feature_margin: float = constant(

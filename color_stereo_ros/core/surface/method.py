@@ -180,8 +180,6 @@ class SurfaceMethod:
                 self.bends.correct(solver.linearized, views, planes, pair, solver)
                 clock.lap('bend', planes)
             solver.correct_variance(planes)
-        if views.compressed:
-            planes.variance *= self.tuning.raw.noise_correlation
 
     def make_std_true(self, verdict, planes, alignment):
         """

@@ -144,8 +144,8 @@ def moved_rows(k, places_x, places_y, seen, margin, step_x, coefficients, half_w
     nodes before they move, margin rows above and below included, px; seen, uint8: whether a raw
     image can be there. Node (j, i) has its center at column x = step_x i + 0.5, row y = 2 j + 0.5
     and moves down by r(x, y), px, see `rows.alignment`; coefficients are float32 (7,). The raw
-    image has columns x lines pixels. Writes index, frac_x and frac_y of `views.half_grid_index`, from
-    row PAD and column `first` on.
+    image has columns x lines pixels. Writes index, frac_x and frac_y of `views.half_grid_index`,
+    from row PAD and column `first` on.
 
     """
     height, width = places_x.shape[0] - 2 * margin, places_x.shape[1]

@@ -88,7 +88,8 @@ class RawTuning(Constants):
         (1.0, 4.0, 11.0, 19.0, 40.0), 'DN', 'Quantizations of `luma_surroundings`, '
         '`chroma_smoothing` and `discord_distances`.', derived('JPEG 95, 85, 60, 40, 18.'))
     luma_surroundings: tuple = constant(
-        (1.5, 2.0, 2.5, 2.5, 2.5), 'px', 'Standard deviation of the surroundings whose brightness luma '
+        (1.5, 2.0, 2.5, 2.5, 2.5), 'px', 'Standard deviation of the surroundings whose brightness '
+        'luma '
         'is divided by.',
         chosen('Share of right pixels, casting, 1.5 and 2.5 px: JPEG 95 .921 and .903, JPEG 60 '
                '.836 and .870.'))
@@ -913,7 +914,8 @@ class TrustTuning(Constants):
         chosen('Right nodes .12 to .19, wrong ones of confidence above .9 .37 to .47 (medians).'))
     unsteady_odds: float = constant(
         4.3, '1 per root px', 'Log-odds that such a node loses above it.',
-        chosen('Logistic regression on 24 pairs of airplane, effector_nut, printed, tilt_30. Wrong '
+        chosen('Logistic regression on 24 pairs of airplane, effector_nut, printed, tilt_30. '
+               'Wrong '
                'of those above .9, effector_bin, gray: 11.4 -> 8.6 %.'))
     unsteady_floor: float = constant(
         1.4, '1', 'Log-odds that such a node keeps: a confidence of .8.',
