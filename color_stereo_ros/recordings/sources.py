@@ -95,13 +95,51 @@ def _chosen(reader, topics):
     return reader.messages(wanted) if wanted else ()
 
 
-class Rosbag2:
+class Bag:
+    """
+    What both kinds of recordings have in common; a subclass decodes, and knows latched topics.
+
+    Parameters
+    ----------
+    reader : rosbags.rosbag1.Reader or rosbags.rosbag2.Reader
+        Is opened here.
+
+    """
+
+    def __init__(self, reader):
+        self._reader = reader
+        self._reader.open()
+
+    @property
+    def connections(self):
+        """Return what `rosbags` knows of each publisher of each topic."""
+        return self._reader.connections
+
+    @property
+    def duration_ns(self):
+        """Return the time between the first and the last message, ns."""
+        return self._reader.duration - 1
+
+    def messages(self, topics):
+        """Yield (connection, time in ns, CDR, what is wrong with it or None)."""
+        for connection, time_ns, data in _chosen(self._reader, topics):
+            try:
+                decoded, damage = bytes(self._decoded(connection, data)), None
+            except Exception:  # the decoder decides what it raises: nearly anything
+                decoded, damage = b'', self._damage(connection)
+            yield connection, time_ns, decoded, damage
+
+    def close(self):
+        """Close the files."""
+        self._reader.close()
+
+
+class Rosbag2(Bag):
     """An open rosbag2 folder or file."""
 
     def __init__(self, path):
         from rosbags.rosbag2 import Reader
-        self._reader = Reader(path)
-        self._reader.open()
+        super().__init__(Reader(path))
         self._unpacked = self._take_over_unpacking()
 
     def _take_over_unpacking(self):
@@ -113,42 +151,25 @@ class Rosbag2:
         storage.metadata = storage.metadata._replace(compression_mode=None)
         return zstd.decompress
 
-    @property
-    def connections(self):
-        """Return what `rosbags` knows of each topic."""
-        return self._reader.connections
-
-    @property
-    def duration_ns(self):
-        """Return the time between the first and the last message, ns."""
-        return self._reader.duration - 1
-
     def is_latched(self, connection):
         """Tell whether a topic is transient local."""
         return any(profile.durability.name == 'TRANSIENT_LOCAL'
                    for profile in connection.ext.offered_qos_profiles)
 
-    def messages(self, topics):
-        """Yield (connection, time in ns, CDR, what is wrong with it or None)."""
-        for connection, time_ns, data in _chosen(self._reader, topics):
-            try:
-                unpacked, damage = bytes(self._unpacked(data)), None
-            except Exception:  # the decompressor decides what it raises
-                unpacked, damage = b'', 'it cannot be unpacked'
-            yield connection, time_ns, unpacked, damage
+    def _decoded(self, _, data):
+        return self._unpacked(data)
 
-    def close(self):
-        """Close the files."""
-        self._reader.close()
+    @staticmethod
+    def _damage(_):
+        return 'it cannot be unpacked'
 
 
-class Rosbag1:
+class Rosbag1(Bag):
     """An open ROS 1 bag; its messages become those of ROS 2."""
 
     def __init__(self, path):
         from rosbags.rosbag1 import Reader
-        self._reader = Reader(path)
-        self._reader.open()
+        super().__init__(Reader(path))
         self._types = new_typestore()
         for connection in self.connections:
             self._learn(connection)
@@ -165,29 +186,13 @@ class Rosbag1:
         except Exception:  # whatever the parser makes of damaged text
             return
 
-    @property
-    def connections(self):
-        """Return what `rosbags` knows of each publisher of each topic."""
-        return self._reader.connections
-
-    @property
-    def duration_ns(self):
-        """Return the time between the first and the last message, ns."""
-        return self._reader.duration - 1
-
     def is_latched(self, connection):
         """Tell whether a topic was latched."""
         return bool(connection.ext.latching)
 
-    def messages(self, topics):
-        """Yield (connection, time in ns, CDR, what is wrong with it or None)."""
-        for connection, time_ns, data in _chosen(self._reader, topics):
-            try:
-                converted, damage = bytes(self._types.ros1_to_cdr(data, connection.msgtype)), None
-            except Exception:  # nearly anything, on damaged bytes
-                converted, damage = b'', f'its bytes are no {connection.msgtype} of ROS 1'
-            yield connection, time_ns, converted, damage
+    def _decoded(self, connection, data):
+        return self._types.ros1_to_cdr(data, connection.msgtype)
 
-    def close(self):
-        """Close the file."""
-        self._reader.close()
+    @staticmethod
+    def _damage(connection):
+        return f'its bytes are no {connection.msgtype} of ROS 1'
