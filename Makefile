@@ -3,6 +3,8 @@
 
 PYTHON_RUN := .venv/bin/python
 COLOR_STEREO := .venv/bin/color_stereo
+# One process per core, four at most; the tests of a module stay together and share its fixtures.
+ON_ALL_CORES := --numprocesses auto --maxprocesses 4 --dist loadfile
 
 # Nothing that runs here is meant to be seen by, or to see, another machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -22,7 +24,7 @@ quick:  ## run the tests that need no processes, no ROS and no simulator: within
 
 test:  ## run all tests, the colcon build included
 	@.ci/setup ros,tools,sim,test
-	@$(PYTHON_RUN) -m pytest
+	@$(PYTHON_RUN) -m pytest $(ON_ALL_CORES)
 
 proof:  ## run the tests that gain from length at full length, figures in proof_output/proof.json
 	@.ci/setup ros,tools,sim,test
@@ -39,7 +41,7 @@ evaluate:  ## the paper's experiments on the simulated rig, as a report in evalu
 floor:  ## run all tests on the oldest versions that are supported, Ubuntu 24.04's
 	@VENV=.venv-floor PYTHONS=3.12 PIP_CONSTRAINT=test/floor-requirements.txt \
 	  .ci/setup ros,tools,sim,test
-	@.venv-floor/bin/python -m pytest -p no:cacheprovider
+	@.venv-floor/bin/python -m pytest -p no:cacheprovider $(ON_ALL_CORES)
 
 tables:  ## make the tables in README and docs anew from the code
 	@.ci/setup ros,tools

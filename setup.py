@@ -43,7 +43,7 @@ setup(
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'sim': ['mitsuba>=3.5', 'tqdm>=4.66'],
         'tools': ['rosbags>=0.11', 'matplotlib>=3.6', 'tqdm>=4.66'],
-        'test': ['pytest>=7.4', 'colcon-common-extensions', 'setuptools<80'],
+        'test': ['pytest>=7.4', 'pytest-xdist>=3.4', 'colcon-common-extensions', 'setuptools<80'],
     },
     zip_safe=False,
     entry_points={'console_scripts': [

@@ -125,7 +125,7 @@ def relabeled(encoding, **changes):
 
 
 IMAGE_FAULTS = {
-    'mono8 of 3 bytes': (changed(encoding='mono8'), 'data is too long'),
+    'mono8 of 3 bytes': (changed(encoding='mono8', step=WIDTH), 'data is too long'),
     '8UC1': (changed(encoding='8UC1'), "encoding = '8UC1' does not tell what"),
     '32FC1': (changed(encoding='32FC1'), "encoding = '32FC1' does not tell what"),
     '8UC3': (changed(encoding='8UC3'), "'8UC3' does not tell the order"),
