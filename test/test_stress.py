@@ -11,13 +11,15 @@ import pytest
 
 from color_stereo_ros.core import ColorStereoError, RangeResult, StereoCalibration
 from color_stereo_ros.evaluation import metrics
+from color_stereo_ros.evaluation.ablation import switches
 from color_stereo_ros.evaluation.stress import patterns, shot
 from color_stereo_ros.evaluation.stress.disturbances import chosen, DISTURBANCES
 from color_stereo_ros.evaluation.stress.light import LightScene, print_in_space
 from color_stereo_ros.evaluation.stress.mounting import Mounting
 from color_stereo_ros.evaluation.stress.page import curve_plot, sentences, write_page
 from color_stereo_ros.evaluation.stress.rig import StressRig, View
-from color_stereo_ros.evaluation.stress.runs import Case, cases_of, StressPlan, StressTest, without
+from color_stereo_ros.evaluation.stress.runs import (
+    Case, cases_of, StressPlan, StressTest, with_switches, without)
 from color_stereo_ros.evaluation.stress.shot import Shots
 
 BEFORE = DISTURBANCES.names
@@ -472,6 +474,20 @@ def test_the_command_writes_table_page_and_numbers(tmp_path, capsys, monkeypatch
     assert {(r['disturbance'], r['method']) for r in records} == {
         (name, method) for name in ('none', 'rows') for method in ('surface', 'sgbm')}
     assert '<svg' in (tmp_path / 'out/report.html').read_text()
+
+
+def test_an_ablation_measures_the_whole_and_every_switch(tmp_path, capsys, monkeypatch):
+    from color_stereo_ros.evaluation.stress import light as lights
+    monkeypatch.setattr(lights.LightScenes, 'scene', lambda self, name: scene(seed=len(name)))
+    assert stress('--ablation', '--only', 'rows', '--quick', '--scenes', 'casting',
+                  '--output', str(tmp_path / 'out')) in (0, None)
+    records = json.loads((tmp_path / 'out/figures.json').read_text())['records']
+    off = {f'{name} = {value}' for name, value in switches('surface').items()}
+    assert {record['method'] for record in records} == {'surface', *off}
+    plan = with_switches(StressPlan())
+    assert plan.variants['matching.slanted = False'] == ('surface', {'matching.slanted': False})
+    table = (tmp_path / 'out/tables.txt').read_text()
+    assert table in capsys.readouterr().out and 'row_alignment = off' in table.splitlines()[0]
 
 
 def test_the_example_of_an_own_disturbance_works():

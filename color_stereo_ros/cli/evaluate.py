@@ -69,7 +69,8 @@ def add_arguments(parser):
     parser.add_argument('--quick', action='store_true',
                         help='fewer and coarser experiments: minutes instead of half an hour')
     parser.add_argument('--ablation', action='store_true',
-                        help='switch every stage of the first of --methods off, one at a time')
+                        help='switch every stage of the first of --methods off, one at a time; '
+                             'with --stress under every disturbance')
     parser.add_argument('--stress', action='store_true',
                         help='disturb the simulated rig as real rigs are disturbed: rows, focus, '
                              'color, light, compression and more, each in steps')
@@ -113,7 +114,7 @@ def run(args):
     methods = checked_methods(named(args.methods))
     check_arguments(args)
     experiments = not (args.ablation or args.folders)
-    if experiments and args.output is None:
+    if (experiments or args.stress) and args.output is None:
         args.output = STRESS_OUTPUT if args.stress else EXPERIMENTS_OUTPUT
     if args.stress and args.only == 'list':
         from .stress import print_disturbances
@@ -124,22 +125,21 @@ def run(args):
     names = ('figures.json', 'report.html' if experiments else 'tables.txt')
     with (claimed(args.output, 'evaluate', names, overwrite=args.overwrite) if args.output
           else nullcontext()):
-        if args.ablation:
+        if args.stress:
+            from .stress import run_stress
+            run_stress(args, methods, folder_values(args), facts_of(args))
+        elif args.ablation:
             run_ablation(args, methods[0])
         elif args.folders:
             run_folders(args, methods)
-        elif args.stress:
-            from .stress import run_stress
-            run_stress(args, methods, folder_values(args), facts_of(args))
         else:
             run_experiments(args, methods)
 
 
 def check_arguments(args):
     """Refuse arguments that would have no effect."""
-    if args.stress and (args.folders or args.ablation):
-        raise SettingsError('--stress has scenes of its own: it goes with neither FOLDER nor '
-                            '--ablation')
+    if args.stress and args.folders:
+        raise SettingsError('--stress has scenes of its own: it does not go with FOLDER')
     for name in ('only', 'scenes'):
         if getattr(args, name) and not args.stress:
             raise SettingsError(f'--{name} is for --stress')
@@ -148,7 +148,7 @@ def check_arguments(args):
     if not (args.folders or args.stress) and folder_values(args):
         raise SettingsError(f'{next(iter(folder_values(args)))} is set, but no FOLDER is given: '
                             'the experiments of the paper have settings of their own')
-    if args.json and not (args.folders or args.ablation):
+    if args.json and (args.stress or not (args.folders or args.ablation)):
         raise SettingsError('--json is for FOLDER or --ablation; the experiments of the paper '
                             'write figures.json into the folder of --output')
     if not 0 <= args.seed < 2**31:

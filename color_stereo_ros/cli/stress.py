@@ -34,6 +34,8 @@ def run_stress(args, methods, values, facts):
     from ..evaluation.stress.page import sentences, write_page
     from ..evaluation.stress.runs import cases_of, StressTest
     plan = plan_of(args, methods, values)
+    if args.ablation:
+        return run_ablation(args, plan, facts)
     args.output.mkdir(parents=True, exist_ok=True)
     cases = cases_of(plan)
     test = StressTest(plan, light_scenes(args.renders or args.output / 'renders', plan.scenes))
@@ -46,6 +48,47 @@ def run_stress(args, methods, values, facts):
     print('\n'.join(sentences(cases, by_case, methods)))
     write_page(args.output / 'report.html', cases, by_case, methods, facts)
     print(f'{args.output / "report.html"} and {args.output / "figures.json"} written')
+
+
+def run_ablation(args, plan, facts):
+    """
+    Switch every stage of a method off under every disturbance; print what that costs.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        Of `color_stereo evaluate`.
+    plan : color_stereo_ros.evaluation.stress.runs.StressPlan
+        The first of its methods is taken apart.
+    facts : dict
+        What a reader needs in order to repeat the run.
+
+    """
+    from ..evaluation.stress.runs import averages, cases_of, StressTest, with_switches
+    from ..files.atomic import write_text
+    from .progress import Progress
+    plan = with_switches(plan)
+    whole, *off = plan.methods
+    args.output.mkdir(parents=True, exist_ok=True)
+    test = StressTest(plan, light_scenes(args.renders or args.output / 'renders', plan.scenes))
+    titles = [name.partition('.')[2] for name in off]
+    lines = [f'{"right share, and without":24}{whole:>9}'
+             + ''.join(f'{title:>{len(title) + 2}}' for title in titles)]
+    print(lines[0], flush=True)
+    records, bar = [], Progress(cases_of(plan))
+    for case in bar:
+        bar.set_description(f'{case.title:24}')
+        found = test.run(case)
+        records += found
+        shares = [averages(found, name).get('right') for name in plan.methods]
+        texts = ['-' if share is None else f'{share:.3f}' for share in shares]
+        lines.append(f'{case.title:24}{texts[0]:>9}' + ''.join(
+            f'{text:>{len(title) + 2}}' for text, title in zip(texts[1:], titles)))
+        say(bar, lines[-1])
+        write_json(args.output / 'figures.json', records,
+                   {**facts, 'command': 'color_stereo evaluate --stress --ablation'})
+    write_text(args.output / 'tables.txt', '\n'.join(lines) + '\n')
+    print(f'{args.output / "tables.txt"} and {args.output / "figures.json"} written')
 
 
 def plan_of(args, methods, values):

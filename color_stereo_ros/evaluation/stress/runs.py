@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs methods under every disturbance; plain data for the table and the page come out."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...core import ColorStereo, Settings
 from ...core.cameras.rectification import Rectifier
 from .. import opencv_matchers
+from ..ablation import switches
 from ..metrics import Truth, words
 from .disturbances import chosen, DISTURBANCES
 from .light import MAIN, QUICK
@@ -39,6 +40,8 @@ class StressPlan:
     seed: int = 1
     values: dict = field(default_factory=dict)
     """Flat settings that override those of the scenes and disturbances."""
+    variants: dict = field(default_factory=dict)
+    """Name in `methods` of a method with other settings: (method, flat settings)."""
 
     @classmethod
     def quick(cls, **values):
@@ -152,16 +155,39 @@ class StressTest:
             return lambda *pair: opencv_matchers.match(method, rectifier.rectify(*pair),
                                                        settings.range)
 
-        return [(method, opencv(method), True) if method in opencv_matchers.METHODS else
-                (method, ColorStereo(scene.calibration,
-                                     settings.updated({'matching.method': method})).process, False)
-                for method in self.plan.methods]
+        def own(name):
+            method, values = self.plan.variants.get(name, (name, {}))
+            return ColorStereo(scene.calibration, settings.updated(
+                {**values, 'matching.method': method})).process
+
+        return [(name, opencv(name), True) if name in opencv_matchers.METHODS else
+                (name, own(name), False) for name in self.plan.methods]
 
 
 def without(truth):
     """Return the truth of a pair in which nothing corresponds: no range is right."""
     nothing = np.zeros(truth.visible.shape, bool)
     return Truth(truth.depth, nothing, np.full(nothing.shape, np.nan), nothing)
+
+
+def with_switches(plan):
+    """
+    Return the plan of an ablation.
+
+    Parameters
+    ----------
+    plan : StressPlan
+
+    Returns
+    -------
+    plan : StressPlan
+        Its first method alone, whole and with each of `ablation.switches` off. A variant has the
+        name of its switch as text, such as 'matching.slanted = False'.
+
+    """
+    method = plan.methods[0]
+    variants = {f'{name} = {off}': (method, {name: off}) for name, off in switches(method).items()}
+    return replace(plan, methods=(method, *variants), variants=variants)
 
 
 def averages(records, method, pair=None):
