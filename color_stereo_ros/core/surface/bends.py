@@ -41,13 +41,25 @@ class Bends:
         solver : LeastSquares
 
         """
-        tuning = self.tuning
-        if not tuning.rounds:
+        if not self.tuning.rounds:
             return
         tiles, noise = self.bent_tiles(planes)
-        if not len(tiles):
-            return
-        gate, ridge = solver.gates[-1], solver.ridge
+        if len(tiles):
+            self.unbend(linearized, views, planes, pair, solver, tiles, noise)
+
+    def unbend(self, linearized, views, planes, pair, solver, tiles, noise):
+        """
+        Put the planes of some tiles in the right place.
+
+        Parameters
+        ----------
+        linearized, views, planes, pair, solver
+            As for `correct`.
+        tiles, noise
+            As of `bent_tiles`.
+
+        """
+        tuning, gate, ridge = self.tuning, solver.gates[-1], solver.ridge
         for _ in range(tuning.rounds):
             smooth = planes.smooth(tiles, views, RADIUS, solver.smooth_steps[-1])
             write_pulls(linearized.weight, linearized.moment, planes.d, solver.reference,

@@ -104,9 +104,15 @@ class SurfaceMethod:
         self.evening = Evening(settings.matching, tuning)
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
-            # the black pair that warms the kernels has no colors to match
-            color_matrix(self.views, self.planes, F4(1), tuning)
+            self.warm_refinements()
         self.warm_brightness()
+
+    def warm_refinements(self):
+        """Run the kernels of colors and bends: the black pair has nothing to match or unbend."""
+        views, planes, solver = self.views, self.planes, self.least_squares
+        color_matrix(views, planes, F4(1), self.tuning)
+        self.bends.unbend(solver.linearized, views, planes, PairModel.neutral(views), solver,
+                          planes.tiles[:1], np.ones(1, F4))
 
     def warm_brightness(self):
         """Run the kernels of pairs whose brightness counts: the black pair shows no detail."""
