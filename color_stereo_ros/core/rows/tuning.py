@@ -32,7 +32,11 @@ class EstimateTuning(Constants):
         'evidence, from which the latter is forgotten.',
         chosen('Eight times what undisturbed pairs scatter.'))
     iterations: int = constant(
-        5, '1', 'Rounds of reweighting.', unexplained('The fourth changes less than .001 px.'))
+        5, '1', 'Most rounds of reweighting.',
+        unexplained('The fourth changes less than .001 px.'))
+    converged: float = constant(
+        0.001, 'px', 'Change of the coefficients after which there is no further round.',
+        derived('A quarter of what no evidence removes (floor_std).'))
     outlier: float = constant(
         2.5, '1', 'Deviations at which a cell has half of its weight (Cauchy).',
         chosen('Half-occluded cells and mirrors must not count.'))

@@ -113,6 +113,8 @@ def agreed(alignment):
     """Return an alignment that is carried on; where it does not agree, a search may wait."""
     if not alignment.agreeing:
         return failed(alignment, '')
+    if not (alignment.searched or alignment.wait or alignment.tries):
+        return alignment
     return alignment.but(searched='', wait=0, tries=0)
 
 

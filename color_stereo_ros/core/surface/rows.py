@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 
 from ..rows.alignment import RowEvidence, terms
-from ..rows.estimate import significant, updated
+from ..rows.estimate import median, significant, updated
 from ..rows.tuning import TUNING as ROWS
 from .grid_kernels import F4
 from .row_kernels import (
@@ -61,7 +61,6 @@ class RowTracker:
         alignment : Alignment
 
         """
-        prior = prior.but(misfit=np.nan, scatter=np.nan)
         cells = self.ask(views, planes, pair, brightness)
         least = self.tuning.least_information
         count, information = cells[..., COUNT], cells[..., INFORMATION]
@@ -69,14 +68,15 @@ class RowTracker:
         structured, lit = (np.count_nonzero(structure > each) for each in (least, 0))
         used = (count >= self.tuning.least_nodes) & (information > least) & (structure > least)
         if structured < max(ROWS.estimate.least_cells, ROWS.use.least_structured * lit):
-            return prior.but(observable=False, agreeing=True, evidence=RowEvidence.none())
+            return prior.but(observable=False, agreeing=True, misfit=np.nan, scatter=np.nan,
+                             evidence=RowEvidence.none())
         told = cells[used].astype(np.float64)
         if len(told) < max(ROWS.estimate.least_cells, ROWS.use.least_share * structured):
-            return prior.but(observable=False, agreeing=False, misfit=np.inf,
+            return prior.but(observable=False, agreeing=False, misfit=np.inf, scatter=np.nan,
                              evidence=RowEvidence.none())
         number = told[:, COUNT]
         x, y = told[:, PLACE] / number + 0.5, self.middle[used]
-        misfit = float(np.median(told[:, MISFIT] / number))
+        misfit = median(told[:, MISFIT] / number)
         dy = told[:, PULL] / told[:, INFORMATION] + terms(x, y, prior.size) @ prior.applied
         found = updated(prior, x, y, dy, told[:, INFORMATION], told[:, DISPARITY] / number)
         steady = found.observable and found.scatter < ROWS.use.steady
@@ -112,7 +112,7 @@ class RowTracker:
         x, y = np.meshgrid(2.0 * CELL * np.arange(columns) + CELL - 0.5,
                            2.0 * CELL * np.arange(lines) + CELL - 0.5)
         if len(alignment.evidence.x):  # the place in the right image
-            x = x - float(np.median(alignment.evidence.disparity))
+            x = x - median(alignment.evidence.disparity)
         there = terms(x, y, alignment.size)
         rest = there @ (alignment.coefficients - alignment.applied)
         variance = rest * rest + np.einsum('...i,ij,...j', there, alignment.covariance, there)
