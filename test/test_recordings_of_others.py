@@ -148,6 +148,34 @@ def test_a_pair_that_is_refused_shows_in_the_exit_status_with_topic_and_time(tmp
     assert 'warning: 1 pairs refused; the first: pair of stamp' in said.err.splitlines()[-1]
 
 
+def gray(image):
+    return np.repeat(image.mean(2, keepdims=True).astype(np.uint8), 3, 2)
+
+
+@pytest.mark.parametrize('seen, words', [
+    (lambda left, right: (left, right), None),
+    (lambda left, right: (right, left), 'left and right image swapped?'),
+    (lambda left, right: (left, left), 'left and right image are identical'),
+    (lambda left, right: (left, gray(right)), 'the right image is gray'),
+    (lambda left, right: (left // 99, right // 99), 'hardly any pixel has a range')])
+def test_odd_pairs_are_told_once_as_process_tells_them(tmp_path, capsys, seen, words):
+    status, said = converted(tmp_path, recorded(tmp_path / 'odd', seen=seen), capsys)
+    assert status == 0
+    if words is None:
+        assert 'warning: ' not in said.err
+    else:
+        assert said.err.count(f'warning: {words}') == 1
+
+
+def test_of_many_odd_pairs_only_the_first_are_told(tmp_path, capsys):
+    shapes = [lambda left, right: (left, right), lambda left, right: (left // 99, right // 99)]
+    turns = iter(12 * shapes)
+    bag = recorded(tmp_path / 'odd', pairs=24, seen=lambda *pair: next(turns)(*pair))
+    status, said = converted(tmp_path, bag, capsys)
+    assert status == 0 and said.err.count('warning: hardly any pixel has a range') == 5
+    assert said.err.count('more pairs are odd') == 1
+
+
 def test_many_refused_pairs_are_counted_and_only_the_first_are_told(tmp_path, capsys):
     def damage(index, name, data):
         return data.replace(b'rgb8', b'rgbX') if index and name == USUAL[1] else None
