@@ -404,7 +404,7 @@ def test_an_impossible_size_is_refused():
 @pytest.mark.parametrize('content, message', [
     ('just words', 'holds a str'),
     ('[1, 2', 'is no YAML'),
-    ('', 'holds a NoneType'),
+    ('', 'is empty, expected the fields'),
     ('image_width: 640', "no usable field 'image_height'"),
     (b'\xff\xfe\x00\x9f', 'cannot be read'),
 ])

@@ -363,3 +363,25 @@ def test_compressed_images_are_named_as_such(tmp_path):
         recording.counts = dict.fromkeys(recording.topics, 3)
         with pytest.raises(RecordingError, match='image_transport republish'):
             recording.stereo_topics()
+
+
+def test_compressed_images_under_the_usual_name_are_named_as_such(tmp_path):
+    with Recording(recorded(tmp_path / 'bag')) as recording:
+        recording.topics['/left/image_raw'] = 'sensor_msgs/msg/CompressedImage'
+        with pytest.raises(RecordingError, match='expected sensor_msgs.*image_transport republish'):
+            recording.stereo_topics()
+
+
+@pytest.mark.parametrize('options, what', [
+    (['--right-image', USUAL[0], '--right-info', USUAL[3]], 'images'),
+    (['--right-info', USUAL[2]], 'camera_infos')])
+def test_one_topic_is_not_that_of_both_cameras(tmp_path, capsys, options, what):
+    status, said = converted(tmp_path, recorded(tmp_path / 'bag'), capsys, *options)
+    assert status == 1 and f'is named for the {what} of both cameras' in said.err
+
+
+def test_a_line_about_thousands_of_topics_has_an_end(tmp_path, capsys):
+    bag = recorded(tmp_path / 'bag', names=[f'/{index}{"x" * 5000}' for index in range(4)])
+    status, said = converted(tmp_path, bag, capsys)
+    assert status == 1 and 'no topic ends with /left/image_raw' in said.err
+    assert len(said.err) < 2000
