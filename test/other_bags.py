@@ -18,9 +18,9 @@ OTHER = ('/stereo/left/image_color', '/stereo/right/image_color', '/stereo/left/
 DISPARITY = 8
 DEPTH = 1.0  # m: focal length 80 px, baseline 0.1 m, disparity 8 px
 
-def contents(index, stamp):
+def contents(index, stamp, seen=lambda *pair: pair):
     """Return the images and camera_infos of one pair in the order of `USUAL`."""
-    rig, pair = parallel_rig(), hue_pair(DISPARITY)
+    rig, pair = parallel_rig(), seen(*hue_pair(DISPARITY))
     header = Header.at(stamp(index), 'left_optical')
     return [*(image(pixels, 'rgb8', header) for pixels in pair),
             *(camera_info(camera, header) for camera in (rig.left, rig.right))]
@@ -31,8 +31,15 @@ def usual_stamp(index):
     return START + index * PERIOD
 
 
-def recorded(path, names=USUAL, stamp=usual_stamp, pairs=3, mode=None, damage=lambda *_: None):
-    """Write a recording; `damage(index, topic, data)` may return other bytes for a message."""
+def recorded(path, names=USUAL, stamp=usual_stamp, pairs=3, mode=None, damage=lambda *_: None,
+             seen=lambda *pair: pair):
+    """
+    Write a recording.
+
+    `damage(index, topic, data)` may return other bytes for a message, `seen(left, right)` other
+    images.
+
+    """
     writer = Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
     if mode:
         writer.set_compression(mode, CompressionFormat.ZSTD)
@@ -41,7 +48,7 @@ def recorded(path, names=USUAL, stamp=usual_stamp, pairs=3, mode=None, damage=la
         connections = [writer.add_connection(name, kind.TYPE, typestore=typestore())
                        for name, kind in zip(names, kinds)]
         for index in range(pairs):
-            rows = list(zip(connections, names, contents(index, stamp)))
+            rows = list(zip(connections, names, contents(index, stamp, seen)))
             for connection, name, content in rows[2:] + rows[:2]:
                 data = bytes(serialized(content))
                 changed = damage(index, name, data)

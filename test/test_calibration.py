@@ -319,10 +319,13 @@ def test_swapped_cameras_are_recognized():
 @pytest.mark.parametrize('rotation, translation, message', [
     (np.eye(3), [0.2, 0, 0], r't = \[0.2, 0.0, 0.0\] m.*swapped'),
     (np.eye(3), [-0.01, -0.2, 0], 'expected to its right'),
-    (np.eye(3), [-0.2, 0], 'expected 3 finite numbers'),
-    (np.eye(3), [np.nan, 0, 0], 'expected 3 finite numbers'),
+    (np.eye(3), [-0.2, 0], 't has 2 values, expected 3'),
+    (np.eye(3), [np.nan, 0, 0], r't\[0\] = nan is not a finite number'),
+    (np.eye(3), [0, 0, 0], 'the pair has no baseline'),
+    (np.eye(3), 'x', "t = 'x' is no list of numbers"),
+    ('x', [-0.2, 0, 0], "R = 'x' is no list of numbers"),
     (2 * np.eye(3), [-0.2, 0, 0], 'R = .* is not a rotation'),
-    (np.eye(2), [-0.2, 0, 0], 'expected 3 x 3 finite numbers'),
+    (np.eye(2), [-0.2, 0, 0], 'R has 4 values, expected 9'),
     (np.eye(3), [-200.0, 0, 0], 'baseline of 200 m.*millimeters'),
 ])
 def test_an_impossible_motion_is_refused(rotation, translation, message):
@@ -404,7 +407,7 @@ def test_an_impossible_size_is_refused():
 @pytest.mark.parametrize('content, message', [
     ('just words', 'holds a str'),
     ('[1, 2', 'is no YAML'),
-    ('', 'holds a NoneType'),
+    ('', 'is empty, expected the fields'),
     ('image_width: 640', "no usable field 'image_height'"),
     (b'\xff\xfe\x00\x9f', 'cannot be read'),
 ])

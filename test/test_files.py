@@ -169,7 +169,8 @@ def test_a_camera_info_is_read_in_the_dialects_of_other_programs(tmp_path, name)
 
 @pytest.mark.parametrize('text, words', [
     ('cam0:\n  camera_model: pinhole\n', 'is a Kalibr camchain.*from_arrays makes'),
-    ('%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 1\n   data: [1.]\n', "holds OpenCV's M1"),
+    ('%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 1\n   data: [1.]\n', 'matrices of both'),
+    ('K1: [1.0]\nD1: [0.0]\n', 'matrices of both'),
     ('width: 4\nheight: 4\n', "has no usable field 'd'"),
     ('camera matrix\n1 2 3\n', "has no usable field 'width'"),
     ('width\n4\nheight\nx\ncamera matrix\n1\nrectification\n1\nprojection\n1\n', 'whole pixels'),

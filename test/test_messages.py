@@ -120,11 +120,11 @@ def test_only_16_bit_images_have_values_to_watch():
     assert reading.largest_value(raw_message('bayer_rggb8', mosaic)) == -1
 
 
-def watched(values, pairs=30):
-    """Return what is known after pairs whose brighter image has a largest value."""
+def watched(largest, pairs=30, darker=None):
+    """Return what is known after pairs whose images have these largest values."""
     found = SignificantBits()
     left, right = (words_message('bayer_rggb', np.full((6, 8), value, np.uint16))
-                   for value in (3, values))
+                   for value in (largest // 2 if darker is None else darker, largest))
     for _ in range(pairs):
         found.note(Pair(left, right, 0, 0, 0.0))
     return found
@@ -149,6 +149,25 @@ def test_a_few_dark_images_are_no_doubt_and_a_bright_one_ends_it():
     found = watched(1023)
     bright = words_message('bayer_rggb', np.full((6, 8), 60_000, np.uint16))
     found.note(Pair(bright, bright, 0, 0, 0.0))
+    assert found.doubt(16) is None
+
+
+@pytest.mark.parametrize('left, right, bits, doubtful', [
+    (4095, 65535, 16, True), (16383, 65535, 16, True), (1000, 4095, 12, True),
+    (0, 60000, 16, True), (20000, 65535, 16, False), (1100, 4095, 12, False), (0, 900, 12, False)])
+def test_cameras_of_different_numbers_of_bits_are_a_doubt(left, right, bits, doubtful):
+    found = watched(right, darker=left)
+    words = f'is {left} on the left and {right} on the right'
+    assert (words in (found.doubt(bits) or '')) == doubtful
+    assert (found.news(bits) is not None) == doubtful and found.news(bits) is None
+    assert watched(right, pairs=9, darker=left).doubt(bits) is None
+
+
+def test_a_camera_of_8_bits_beside_one_of_16_is_no_doubt():
+    found = SignificantBits()
+    bright = words_message('bayer_rggb', np.full((6, 8), 60_000, np.uint16))
+    for _ in range(30):
+        found.note(Pair(bright, raw_message('rgb8', picture()), 0, 0, 0.0))
     assert found.doubt(16) is None
 
 

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from xml.etree import ElementTree
 
 from color_stereo_ros.core import account, Alignment, RecordingError, Settings
+from color_stereo_ros.core.doubts import Doubts
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.files.cloud import save_cloud
 from color_stereo_ros.messages.calibration_watch import CalibrationWatch
@@ -21,7 +22,6 @@ from color_stereo_ros.messages.synchronizer import Pair
 from color_stereo_ros.nodes.complaints import Complaints
 from color_stereo_ros.nodes.environment import defaults, fast_dds_is_known, LOCAL_PROFILE, PROFILE
 from color_stereo_ros.nodes.sensor import worker as worker_module
-from color_stereo_ros.nodes.sensor.doubts import Doubts
 from color_stereo_ros.nodes.sensor.outputs import Outputs
 from color_stereo_ros.nodes.sensor.worker import Setup, Worker
 from color_stereo_ros.nodes.usage import is_wanted

@@ -148,6 +148,34 @@ def test_a_pair_that_is_refused_shows_in_the_exit_status_with_topic_and_time(tmp
     assert 'warning: 1 pairs refused; the first: pair of stamp' in said.err.splitlines()[-1]
 
 
+def gray(image):
+    return np.repeat(image.mean(2, keepdims=True).astype(np.uint8), 3, 2)
+
+
+@pytest.mark.parametrize('seen, words', [
+    (lambda left, right: (left, right), None),
+    (lambda left, right: (right, left), 'left and right image swapped?'),
+    (lambda left, right: (left, left), 'left and right image are identical'),
+    (lambda left, right: (left, gray(right)), 'the right image is gray'),
+    (lambda left, right: (left // 99, right // 99), 'hardly any pixel has a range')])
+def test_odd_pairs_are_told_once_as_process_tells_them(tmp_path, capsys, seen, words):
+    status, said = converted(tmp_path, recorded(tmp_path / 'odd', seen=seen), capsys)
+    assert status == 0
+    if words is None:
+        assert 'warning: ' not in said.err
+    else:
+        assert said.err.count(f'warning: {words}') == 1
+
+
+def test_of_many_odd_pairs_only_the_first_are_told(tmp_path, capsys):
+    shapes = [lambda left, right: (left, right), lambda left, right: (left // 99, right // 99)]
+    turns = iter(12 * shapes)
+    bag = recorded(tmp_path / 'odd', pairs=24, seen=lambda *pair: next(turns)(*pair))
+    status, said = converted(tmp_path, bag, capsys)
+    assert status == 0 and said.err.count('warning: hardly any pixel has a range') == 5
+    assert said.err.count('more pairs are odd') == 1
+
+
 def test_many_refused_pairs_are_counted_and_only_the_first_are_told(tmp_path, capsys):
     def damage(index, name, data):
         return data.replace(b'rgb8', b'rgbX') if index and name == USUAL[1] else None
@@ -335,3 +363,25 @@ def test_compressed_images_are_named_as_such(tmp_path):
         recording.counts = dict.fromkeys(recording.topics, 3)
         with pytest.raises(RecordingError, match='image_transport republish'):
             recording.stereo_topics()
+
+
+def test_compressed_images_under_the_usual_name_are_named_as_such(tmp_path):
+    with Recording(recorded(tmp_path / 'bag')) as recording:
+        recording.topics['/left/image_raw'] = 'sensor_msgs/msg/CompressedImage'
+        with pytest.raises(RecordingError, match='expected sensor_msgs.*image_transport republish'):
+            recording.stereo_topics()
+
+
+@pytest.mark.parametrize('options, what', [
+    (['--right-image', USUAL[0], '--right-info', USUAL[3]], 'images'),
+    (['--right-info', USUAL[2]], 'camera_infos')])
+def test_one_topic_is_not_that_of_both_cameras(tmp_path, capsys, options, what):
+    status, said = converted(tmp_path, recorded(tmp_path / 'bag'), capsys, *options)
+    assert status == 1 and f'is named for the {what} of both cameras' in said.err
+
+
+def test_a_line_about_thousands_of_topics_has_an_end(tmp_path, capsys):
+    bag = recorded(tmp_path / 'bag', names=[f'/{index}{"x" * 5000}' for index in range(4)])
+    status, said = converted(tmp_path, bag, capsys)
+    assert status == 1 and 'no topic ends with /left/image_raw' in said.err
+    assert len(said.err) < 2000

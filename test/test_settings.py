@@ -87,6 +87,13 @@ def test_an_unknown_choice_is_refused_with_the_choices():
         MatchingSettings(method='best')
 
 
+@pytest.mark.parametrize('name', ['matching.method', 'range.min_depth', 'x' * 100_000])
+def test_a_refusal_shows_a_long_value_in_brief(name):
+    with pytest.raises(SettingsError) as refused:
+        Settings().updated({name: 'x' * 100_000})
+    assert len(str(refused.value)) < 300 and '(100000 characters)' in str(refused.value)
+
+
 def test_an_even_window_is_refused():
     with pytest.raises(SettingsError, match='matching.window_height = 8 px is even'):
         MatchingSettings(window_height=8)

@@ -11,7 +11,7 @@ import cv2
 
 from sim_scenes import CARD, scene_of, SIZE, small_rig
 
-from color_stereo_ros.sim import load_scene, rig_names, SceneError
+from color_stereo_ros.sim import load_scene, rig_names, SceneError, variant
 from color_stereo_ros.sim.materials import MATERIALS, TEXTURES
 from color_stereo_ros.sim.relief import FEATURES, relief_heights, relief_mesh
 from color_stereo_ros.sim.shapes import revolved_mesh, SHAPES, tube_mesh
@@ -255,14 +255,52 @@ def test_without_mitsuba_the_extra_is_named():
     assert "pip install '.[sim]'" in said and 'Mitsuba' in said
 
 
-def test_a_useless_llvm_library_leads_to_the_scalar_variant(tmp_path):
-    (tmp_path / 'libLLVM.so').write_text('no library')
-    code = ('from color_stereo_ros.sim.variant import load_mitsuba\n'
-            'print(load_mitsuba().variant())\n')
-    said = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True,
-                          env={**os.environ, 'COLOR_STEREO_SIM_VARIANT': '',
-                               'DRJIT_LIBLLVM_PATH': str(tmp_path / 'libLLVM.so')}).stdout
-    assert said.split() == ['scalar_rgb']
+VARIANT = """
+from color_stereo_ros.sim.variant import is_vectorized, load_mitsuba
+mitsuba = load_mitsuba()
+print(mitsuba.variant())
+if is_vectorized(mitsuba):
+    import drjit
+    print(drjit.maximum(mitsuba.Float([1.0, 2.0]), 1.5)[0])  # LLVM 15 ends the process here
+"""
+
+
+def loaded_variant(**environment):
+    """Return what `load_mitsuba` chooses in a new process, and its warnings."""
+    ended = subprocess.run(
+        [sys.executable, '-c', VARIANT], check=True, capture_output=True, text=True,
+        env={**os.environ, 'COLOR_STEREO_SIM_VARIANT': '', **environment})
+    return ended.stdout.split(), re.findall('^rendering takes .*', ended.stderr, re.MULTILINE)
+
+
+def test_a_useless_llvm_library_leads_to_the_scalar_variant_and_one_line(tmp_path):
+    library = tmp_path / 'libLLVM.so'
+    library.write_text('no library')
+    said, told = loaded_variant(DRJIT_LIBLLVM_PATH=str(library))
+    assert said == ['scalar_rgb']
+    assert len(told) == 1 and str(library) in told[0] and 'install LLVM 17' in told[0]
+
+
+def test_the_variant_that_is_chosen_computes():
+    said, _ = loaded_variant()
+    assert said in (['scalar_rgb'], ['llvm_ad_rgb', '1.5'])
+
+
+@pytest.mark.parametrize('working, chosen', [
+    ({19, 17, 15}, 19), ({17}, 17), ({15}, 15), (set(), None)])
+def test_the_newest_llvm_library_that_works_is_taken(tmp_path, monkeypatch, working, chosen):
+    names = ('libLLVM-14.so', 'libLLVM-15.so.1', 'libLLVM-17.so', 'libLLVM.so.19.1')
+    for name in names:
+        (tmp_path / name).write_text(name)
+    (tmp_path / 'libLLVM-19.so').symlink_to('libLLVM.so.19.1')
+    tried = []
+    monkeypatch.delenv('DRJIT_LIBLLVM_PATH', raising=False)
+    monkeypatch.setattr(variant, 'LLVM_PLACES', (f'{tmp_path}/libLLVM*',))
+    monkeypatch.setattr(variant, '_works', lambda path: (
+        tried.append(variant._version(path)) or variant._version(path) in working))
+    found = variant.find_llvm()
+    assert (found and variant._version(found)) == chosen
+    assert tried == [version for version in (19, 17, 15) if version >= (chosen or 0)]
 
 
 def test_importing_the_simulator_does_not_import_mitsuba():

@@ -33,6 +33,7 @@ MASSES = {
     'an endless number': 'a: ' + '9' * 5000,
     'an impossible date': 'a: 2024-99-99',
     'a wrong kind of scalar': 'a: !!bool x',
+    'a long tag': 'a: !' + 'x' * 100_000,
     'code': 'a: !!python/object/apply:os.system [x]',
     'several documents': 'a: 1\n---\na: 2\n'}
 

@@ -200,7 +200,8 @@ def warn(message):
 
 
 def _fail(message, status):
-    print(f'color_stereo: {message}', file=sys.stderr)
+    from ..errors import bounded
+    print(f'color_stereo: {bounded(str(message))}', file=sys.stderr)
     return status
 
 

@@ -17,8 +17,9 @@ _HOW = ('StereoCalibration.from_arrays makes a stereo calibration of them, and i
 FOREIGN = {
     'cam0': f'is a Kalibr camchain, which has no R and P: take intrinsics, distortion_coeffs and '
             f'T_cn_cnm1; {_HOW}',
-    'M1': f"holds OpenCV's M1, D1, M2, D2 for both cameras: take them with R and T of the "
-          f'extrinsics; {_HOW}'}
+    **dict.fromkeys(('M1', 'K1', 'cameraMatrix1'),
+                    "holds OpenCV's matrices of both cameras: take them with R and T of the "
+                    f'extrinsics; {_HOW}')}
 """Keys of files of other programs, and what their owner can do."""
 SHAPES = {'K': (3, 3), 'R': (3, 3), 'P': (3, 4)}
 
@@ -61,6 +62,8 @@ def read_camera_info(path):
 
 def _fields(content):
     """Return the fields of what a document holds."""
+    if content is None:
+        raise UnreadableError('is empty, expected the fields of camera_info')
     if not isinstance(content, dict):
         raise UnreadableError(f'holds a {type(content).__name__}, expected the fields of '
                               'camera_info')

@@ -6,6 +6,8 @@ import re
 
 import yaml
 
+from ..errors import bounded
+
 MOST_BYTES = 1_000_000
 MOST_VALUES = 20_000
 """Keys and values of a file, those that it repeats by reference counted each time."""
@@ -166,5 +168,5 @@ def _place(error):
     mark, problem = getattr(error, 'problem_mark', None), getattr(error, 'problem', None)
     if mark is None:
         return ': it holds characters that are no text'
-    return f', line {mark.line + 1}: {problem or "it ends too early"}'.replace('<stream end>',
-                                                                               'the end')
+    text = bounded(problem or 'it ends too early', 200).replace('<stream end>', 'the end')
+    return f', line {mark.line + 1}: {text}'

@@ -8,11 +8,13 @@ ENOUGH = 10
 FULL = 16
 SUSPICIOUS = 14
 """Images that need no more bits than this are dark, or fill the low bits only."""
+UNLIKE = 4
+"""Factor between the largest values of the cameras: that of two more bits."""
 
 
 class SignificantBits:
     """
-    Keeps the largest value of the images and says what is odd about it.
+    Keeps the largest values of both cameras and says what is odd about them.
 
     A 12-bit camera that fills the low bits and a dark scene before a 16-bit camera look the same.
     Therefore nothing is scaled by a guess: the user decides by `input.significant_bits`.
@@ -20,17 +22,15 @@ class SignificantBits:
     """
 
     def __init__(self):
-        self.largest = -1
-        """Largest value of a 16-bit image so far, -1 = there was none."""
+        self._largest = [-1, -1]  # of the left and of the right camera, -1 = no 16-bit image
         self._pairs = 0
         self._said = set()
 
     def note(self, pair):
-        """Take down the largest value of a `Pair` of images that can be read."""
-        found = max(largest_value(pair.left), largest_value(pair.right))
-        if found >= 0:
-            self._pairs += 1
-            self.largest = max(self.largest, found)
+        """Take down the largest values of a `Pair` of images that can be read."""
+        found = largest_value(pair.left), largest_value(pair.right)
+        self._pairs += max(found) >= 0
+        self._largest = [max(values) for values in zip(self._largest, found)]
 
     def doubt(self, bits):
         """
@@ -46,21 +46,36 @@ class SignificantBits:
         doubt : str or None
 
         """
-        if self.largest >= 1 << bits:
-            return (f'the largest value of the 16-bit images is {self.largest}, but '
-                    f'input.significant_bits = {bits} expects 0 .. {(1 << bits) - 1}: larger '
-                    'values count as overexposed')
-        if bits == FULL and self._pairs >= ENOUGH and self.largest < 1 << SUSPICIOUS:
-            return (f'the largest value of the 16-bit images is {self.largest} of 65535: if the '
-                    'camera fills the low bits only, set input.significant_bits to their number '
-                    f'({max(10, self.largest.bit_length())} or more; 10, 12 and 14 are usual), '
-                    'or most of the signal is lost; if the scene is dark, expose longer')
-        return None
+        return self._found(bits)[1]
 
     def news(self, bits):
         """Return a doubt that has not been returned yet, or None; once for each kind."""
-        doubt, kind = self.doubt(bits), (bits, self.largest >= 1 << bits)
-        if doubt is None or kind in self._said:
+        kind, doubt = self._found(bits)
+        if doubt is None or (bits, kind) in self._said:
             return None
-        self._said.add(kind)
+        self._said.add((bits, kind))
         return doubt
+
+    def _found(self, bits):
+        """Return (kind, doubt), or (None, None)."""
+        largest, smaller = max(self._largest), min(self._largest)
+        if largest >= 1 << bits:
+            return 'too large', (
+                f'the largest value of the 16-bit images is {largest}, but '
+                f'input.significant_bits = {bits} expects 0 .. {(1 << bits) - 1}: larger '
+                'values count as overexposed')
+        if self._pairs < ENOUGH:
+            return None, None
+        if bits == FULL and largest < 1 << SUSPICIOUS:
+            return 'too small', (
+                f'the largest value of the 16-bit images is {largest} of 65535: if the '
+                'camera fills the low bits only, set input.significant_bits to their number '
+                f'({max(10, largest.bit_length())} or more; 10, 12 and 14 are usual), '
+                'or most of the signal is lost; if the scene is dark, expose longer')
+        if smaller >= 0 and largest >= max(UNLIKE * smaller, 1 << bits - 2):
+            left, right = self._largest
+            return 'unlike', (
+                f'the largest value of the 16-bit images is {left} on the left and {right} on '
+                'the right: the cameras fill different numbers of bits, or one of them gets '
+                'little light; let both send the same pixel format, and expose both alike')
+        return None, None

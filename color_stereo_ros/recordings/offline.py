@@ -10,6 +10,7 @@ outputs hold the same values.
 from collections import deque
 
 from ..core import ColorStereo, ColorStereoError, ImageError, RecordingError
+from ..core.doubts import Doubts
 from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import Header, Image
 from ..messages.outputs import Context, OUTPUTS
@@ -64,6 +65,8 @@ class OfflineSensor:
         self._stereo = None
         self._waiting = deque(maxlen=WAITING)
         self._values = SignificantBits()
+        self._doubts = Doubts(self._doubt, clock=self._clock)
+        self._told = 0
         self.measured = 0
         """Pairs that gave a result."""
         self.failed = 0
@@ -143,7 +146,8 @@ class OfflineSensor:
         while self._stereo is not None and self._waiting:
             pair, recorded = self._waiting.popleft()
             try:
-                result = self._stereo.process(*self._images_of(pair))
+                images = self._images_of(pair)
+                result = self._stereo.process(*images)
             except ColorStereoError as error:
                 self._refuse(f'pair of stamp {pair.stamp} ns, recorded at {seconds(recorded)} s, '
                              f'refused: {error}')
@@ -151,6 +155,7 @@ class OfflineSensor:
             header = Header.of(pair.left.header)
             self._write(result, header, self._times.of(pair.stamp, recorded))
             self.measured += 1
+            self._doubts.look(self._stereo, *images, result)
 
     def _refuse(self, text):
         """Count a pair; the first ones are told one by one."""
@@ -160,6 +165,14 @@ class OfflineSensor:
             self._say(text)
         elif self.failed == TOLD + 1:
             self._say('more pairs are refused; they are counted at the end')
+
+    def _doubt(self, text):
+        """Tell what is odd about a pair; of many doubts only the first ones are told."""
+        self._told += 1
+        if self._told <= TOLD:
+            self._say(f'warning: {text}')
+        elif self._told == TOLD + 1:
+            self._say('more pairs are odd; that is not told any more')
 
     def _images_of(self, pair):
         """Return both images of a pair as RGB, and say once what is odd about their values."""

@@ -152,6 +152,8 @@ def _damage(error):
     if 'Invalid bag metadata' in text or isinstance(error, UnicodeDecodeError):
         return ('metadata.yaml' if 'metadata' in text else 'an entry') + ' has impossible contents'
     known = rosbag1.ReaderError, rosbag2.ReaderError
+    if 'File end magic' in text:
+        return 'its end is missing; `mcap recover` makes a new file of what is whole'
     return text.rstrip('.') if isinstance(error, known) and text else 'it cannot be decoded'
 
 

@@ -8,6 +8,8 @@ from ..errors import RecordingError
 from ..messages.contents import CameraInfo, Image
 
 COMPRESSED = 'sensor_msgs/msg/CompressedImage'
+DECOMPRESS = ('`ros2 run image_transport republish compressed raw` makes raw images of them, which '
+              'can be recorded')
 
 OPTIONS = '--left-image', '--right-image', '--left-info', '--right-info'
 """The options of the command line that name the topics, in the order of `StereoTopics`."""
@@ -83,6 +85,10 @@ def stereo_topics(recording, namespace=None, named=NOTHING_NAMED):
     infos = [_existing(recording, usual if given is None else given, prefix)
              for given, usual in zip(named.names[2:], beside)]
     found = StereoTopics(*images, *infos)
+    for left, right, what in zip(found.names[::2], found.names[1::2], ('images', 'camera_infos')):
+        if left == right:
+            raise RecordingError(f'{recording.path}: {left} is named for the {what} of both '
+                                 'cameras')
     for topic, expected, option in zip(found.names, 2 * [Image.TYPE] + 2 * [CameraInfo.TYPE],
                                        OPTIONS):
         _check_topic(recording, topic, expected, option)
@@ -121,8 +127,9 @@ def _check_topic(recording, topic, expected, option):
         raise RecordingError(f'{recording.path}: no topic {topic}; {_question(recording)} '
                              f'({option} names another topic)')
     if recording.topics[topic] != expected:
+        advice = f'; {DECOMPRESS}' if recording.topics[topic] == COMPRESSED else ''
         raise RecordingError(f'{recording.path}: {topic} is a {recording.topics[topic]}, '
-                             f'expected {expected}')
+                             f'expected {expected}{advice}')
     if not recording.counts[topic]:
         raise RecordingError(f'{recording.path}: {topic} has no messages')
 
@@ -141,8 +148,7 @@ def _question(recording):
                 'choose one')
     compressed = sorted(topic for topic, kind in recording.topics.items() if kind == COMPRESSED)
     if compressed and Image.TYPE not in recording.topics.values():
-        return (f'its images are compressed ({", ".join(compressed)}): `ros2 run image_transport '
-                'republish compressed raw` makes raw ones of them, which can be recorded')
+        return f'its images are compressed ({", ".join(compressed)}): {DECOMPRESS}'
     return f'it holds {", ".join(sorted(recording.topics)) or "no topic at all"}'
 
 

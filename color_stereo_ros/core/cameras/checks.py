@@ -231,13 +231,14 @@ def checked_size(size):
 
 def checked_motion(R, t):
     """Return the checked rotation (3, 3) and translation (3, 1) from left to right."""
-    rotation = np.array(R, np.float64)
-    translation = np.array(t, np.float64).ravel()
-    if rotation.shape != (3, 3) or not np.isfinite(rotation).all():
-        raise CalibrationError(f'R = {rotation.tolist()}, expected 3 x 3 finite numbers')
+    rotation = matrix('R', R, (3, 3))
+    translation = matrix('t', t, (3,))
+    check_finite('R', rotation)
+    check_finite('t', translation)
     check_rotation('R', rotation)
-    if translation.size != 3 or not np.isfinite(translation).all():
-        raise CalibrationError(f't = {translation.tolist()} m, expected 3 finite numbers')
+    if not translation.any():
+        raise CalibrationError('t = [0.0, 0.0, 0.0] m: the pair has no baseline, expected the '
+                               'translation from the left to the right camera')
     center = -rotation.T @ translation
     if abs(center[1]) > abs(center[0]):
         raise CalibrationError(

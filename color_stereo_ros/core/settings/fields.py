@@ -6,7 +6,7 @@ from dataclasses import field, fields, replace
 from itertools import groupby
 import math
 
-from ...errors import SettingsError
+from ...errors import brief, SettingsError
 from ...files.yaml import about_number
 from ..registry import suggestion
 
@@ -93,11 +93,11 @@ def _checked(group, spec, value):
         value = value.item()  # a numpy scalar
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         hint = about_number(value) if kind in (int, float) else ''
-        raise SettingsError(f'{name} = {value!r} is a {type(value).__name__}, '
+        raise SettingsError(f'{name} = {brief(value)} is a {type(value).__name__}, '
                             f'expected {kind.__name__}{hint}')
     meta = spec.metadata
     if meta['choices'] is not None and value not in meta['choices']:
-        raise SettingsError(f'{name} = {value!r} is not one of {", ".join(meta["choices"])}')
+        raise SettingsError(f'{name} = {brief(value)} is not one of {", ".join(meta["choices"])}')
     if kind in (int, float):
         _check_range(name, value, meta)
     return value
@@ -124,7 +124,7 @@ def updated(settings, values):
     changes = {}
     for name, value in values.items():
         if name not in known:
-            raise SettingsError(f'unknown setting {name!r}{suggestion(name, known)}')
+            raise SettingsError(f'unknown setting {brief(name)}{suggestion(name, known)}')
         group, _, key = name.partition('.')
         changes.setdefault(group, {})[key] = value
     return replace(settings, **{group: replace(getattr(settings, group), **change)

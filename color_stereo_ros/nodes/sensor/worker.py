@@ -10,6 +10,7 @@ import traceback
 import numpy as np
 
 from ...core.compiled import is_cached, told_of_compiling
+from ...core.doubts import Doubts
 from ...core.pipeline import ColorStereo
 from ...core.surface import warm_up
 from ...errors import bounded, ColorStereoError
@@ -17,7 +18,6 @@ from ...messages.reading import image_to_rgb
 from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
 from ..complaints import Complaints
-from .doubts import Doubts
 from .row_search import RowSearch
 
 _KEPT = 300

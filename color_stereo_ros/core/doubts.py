@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `color_stereo process` says of an odd pair, said by the node at a bounded cost."""
+"""What is odd about a stream of pairs, at a bounded cost: for the nodes and for recordings."""
 
 import re
 import time
 
-from ...core.account import (doubt_about_ranges, doubt_about_rivals, doubts_about_features,
-                             doubts_about_images, doubts_about_order, doubts_about_rows,
-                             status_shares, SUSPICIOUS)
+from .account import (doubt_about_ranges, doubt_about_rivals, doubts_about_features,
+                      doubts_about_images, doubts_about_order, doubts_about_rows, status_shares,
+                      SUSPICIOUS)
 
 _PERIOD = 0.5
 """s between two looks at the images."""
@@ -20,7 +20,7 @@ _ROWS = 4
 
 class Doubts:
     """
-    Watches pairs and their results; runs in the worker's thread.
+    Watches pairs and their results; used by one thread.
 
     Parameters
     ----------
