@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+All constants of the projector's geometry: value, unit, reason and provenance of each.
+
+The scenes and disturbances named here are those of docs/third_view.md.
+
+"""
+
+from dataclasses import dataclass
+
+from ..constants import chosen, constant, Constants, derived, unexplained
+
+
+@dataclass(frozen=True)
+class MatchingTuning(Constants):
+    """The matches from nothing: SIFT on two chromaticities."""
+
+    largest_width: int = constant(
+        800, 'px', 'Width up to which images are searched as they are; wider ones are reduced.',
+        derived('The time of the search stays below 1 s.'))
+    features: int = constant(
+        1200, '1', 'Largest number of features per image and chromaticity.',
+        chosen('Some 500 matches; patches make them precise. The pattern keeps all its own.'))
+    contrast: float = constant(
+        0.02, '1', 'Least contrast of a feature, as OpenCV counts it.',
+        chosen('Half of the usual value: a third more matches of images out of focus.'))
+    ratio: float = constant(
+        0.75, '1', 'Largest ratio of the best to the second best distance (Lowe 2004).',
+        unexplained('The usual value; 90 % and more of the matches agree.'))
+
+
+@dataclass(frozen=True)
+class PriorTuning(Constants):
+    """What is known of any projector."""
+
+    field_of_view: float = constant(
+        45.0, 'degrees', 'Usual field of view over the width.',
+        chosen('Projectors have 25 to 70 degrees; the standard deviation covers them.'))
+    focal_std: float = constant(
+        0.6, '1', 'Standard deviation of the logarithm of the focal length.',
+        derived('A factor of 1.8: 26 to 75 degrees.'))
+    square_std: float = constant(
+        0.0005, '1', 'Standard deviation of skew and aspect ratio where pixels are square.',
+        chosen('Chips are made to a ten-thousandth; the scale of a pattern is exact.'))
+    column_std: float = constant(
+        0.01, 'widths', 'Standard deviation of the column of the principal point.',
+        chosen('Lenses are centered to 1 %; lens shift is vertical.'))
+    row_std: float = constant(
+        0.5, 'heights', 'Standard deviation of the row of the principal point.',
+        derived('Lens shift puts it on the lower edge.'))
+    loose_std: float = constant(
+        0.3, '1', 'Standard deviation of aspect, skew and column where these are free.',
+        derived('A keystone of 20 degrees.'))
+    distortion_std: float = constant(
+        0.2, '1', 'Standard deviation of k1 where the lens may distort.',
+        derived('A quarter of what cheap wide-angle cameras have.'))
+    distance_std: float = constant(
+        2.0, '1', 'Standard deviation of the distance of the projector from the left camera, in '
+        'median depths of the scene.', derived('A projector far behind cameras is unusual.'))
+    inflation: float = constant(
+        4.0, '1', 'Factor of the covariance of an earlier pair.',
+        derived('Twice the standard deviation: errors of one scene are not those of the next.'))
+    drift: float = constant(
+        0.0003, '1', 'Standard deviation by which a lens changes until it is found again; of a '
+        'pose in depths of the scene.', chosen('A warm projector: .3 px of the pattern.'))
+    turn_drift: float = constant(
+        0.0003, 'rad', 'The same of a rotation.', chosen('As much at the border.'))
+    straight_std: float = constant(
+        0.002, '1', 'Standard deviation of k1 where it may not.',
+        derived('.1 px at the edge of the pattern.'))
+
+
+@dataclass(frozen=True)
+class StartTuning(Constants):
+    """The starts of the adjustment."""
+
+    fields_of_view: tuple = constant(
+        (28.0, 45.0, 65.0), 'degrees', 'Fields of view over the width that are tried.',
+        derived('The adjustment reaches a factor of 1.5 in focal length.'))
+    tries: int = constant(
+        60, '1', 'Random samples (RANSAC).',
+        derived('Six matches of which .6 are right: .95 to meet them once.'))
+    reach: float = constant(
+        0.04, 'widths', 'Distance up to which a match agrees with a guessed lens.',
+        chosen('What a wrong focal length leaves.'))
+    close: float = constant(
+        0.005, 'widths', 'Distance up to which a match agrees with a linear fit.',
+        chosen('5 px: ten standard deviations of a match.'))
+    least: int = constant(
+        6, '1', 'Matches of a linear fit.', derived('Eleven unknowns, two equations each.'))
+    repeats: int = constant(
+        2, '1', 'Linear fits to those that agree.', unexplained('The third changes nothing.'))
+    most: int = constant(
+        400, '1', 'Matches from which starts are made.', derived('Bounds the time.'))
+    seed: int = constant(
+        16, '1', 'Of the samples: the same pair gives the same geometry.',
+        unexplained('Any number.'))
+
+
+@dataclass(frozen=True)
+class AdjustmentTuning(Constants):
+    """The bundle adjustment."""
+
+    rounds: int = constant(
+        30, '1', 'Largest number of steps.', unexplained('Ten are usual.'))
+    outlier: float = constant(
+        2.5, '1', 'Standard deviations at which a match has half of its weight (Cauchy).',
+        unexplained('As in the row alignment.'))
+    gate: float = constant(
+        4.0, '1', 'Standard deviations up to which a match agrees.',
+        derived('One of 3000 right matches lies beyond.'))
+    damping: float = constant(
+        1e-4, '1', 'First damping of the steps (Marquardt 1963).', unexplained('Usual.'))
+    largest_damping: float = constant(
+        1e6, '1', 'Damping at which no step improves any more.', unexplained('Usual.'))
+    least_gain: float = constant(
+        0.001, '1', 'Gain of a step below which the fit has settled.',
+        derived('Far below one standard deviation.'))
+    settled: float = constant(
+        0.98, '1', 'Ratio of two scales from which the scale has settled.', unexplained('Usual.'))
+    nearest: float = constant(
+        0.01, 'm', 'Least distance of a point in front of the projector.',
+        derived('No projector is used so close.'))
+    behind: float = constant(
+        1e4, 'px', 'Residual of a point behind the projector.', derived('An outlier.'))
+
+
+@dataclass(frozen=True)
+class PatchTuning(Constants):
+    """Patches of the image that are placed in the pattern."""
+
+    half: int = constant(
+        5, 'px', 'Half width of a patch of the image.',
+        chosen('11 x 11 px hold several structures of the pattern.'), compiled=True)
+    dark: float = constant(
+        24.0, 'DN', 'Added to the sum of the channels: dark noise has no color.',
+        unexplained('As in the search of the rows.'), compiled=True)
+    disparity_floor: float = constant(
+        0.02, 'px', 'Standard deviation that all disparities have in common with neighbors.',
+        chosen('Slow errors of the two views, which their standard deviations do not tell.'))
+    bend: float = constant(
+        0.4, 'px', 'Largest bend of the disparity over a patch.',
+        derived('Moves its border by as much, its middle by nothing.'))
+    tilt: float = constant(
+        0.8, 'px / px', 'Steepest disparity of a usable surface.',
+        unexplained('Steeper ones are seen by a few pixels only.'))
+    confidence: float = constant(
+        0.9, '1', 'Least confidence of a usable range.', unexplained('The usual limit.'))
+    rounds: int = constant(
+        6, '1', 'Steps of a patch.', chosen('The seventh moves it by less than .01 px.'))
+    farthest: float = constant(
+        8.0, 'px', 'Largest way of a patch from its prediction.',
+        derived('A structure of the pattern: farther ones are caught by chance.'))
+    explained: float = constant(
+        0.5, '1', 'Share of the colors of a patch that the pattern must explain.',
+        chosen('Chance patches reach .3.'))
+    correlated: float = constant(
+        3.0, '1', 'Factor of the standard deviation of a patch.',
+        chosen('The errors of neighboring pixels are alike after demosaicing, and patches '
+               'overlap: the whitened residuals scatter by 1.'))
+    floor: float = constant(
+        0.03, 'px', 'Least standard deviation of a patch, px of the pattern.',
+        chosen('What is left on noise-free pairs.'))
+
+
+@dataclass(frozen=True)
+class FindTuning(Constants):
+    """From matches to the geometry, or to the reason why there is none."""
+
+    least_matches: int = constant(
+        24, '1', 'Matches, with depth, that must agree.', chosen('Chance gives fewer than ten.'))
+    least_features: int = constant(
+        200, '1', 'Features from which an image without matches shows something else.',
+        unexplained('Fewer are a dark image, or one out of focus.'))
+    least_share: float = constant(
+        0.5, '1', 'Share of the matches with depth that must agree.',
+        chosen('Path-traced pairs .93 to 1, two projectors .5.'))
+    match_std: float = constant(
+        0.6, 'px', 'Standard deviation of one SIFT match, px of the image.',
+        chosen('.3 px on sharp images, .7 on blurred ones; the scale does the rest.'))
+    depth_step: float = constant(
+        2.0, 'px', 'Largest disparity between the pixels around a match.',
+        derived('More is an edge.'))
+    confidence: float = constant(
+        0.5, '1', 'Least confidence of a range at a match.',
+        chosen('Also where stereo is poor; wrong ones are outliers.'))
+    trial_rounds: int = constant(
+        12, '1', 'Steps of the adjustment from each start.', unexplained('Enough to compare.'))
+    spacing: int = constant(
+        7, 'px', 'Distance of the patches.', derived('They overlap by a third.'))
+    blurs: tuple = constant(
+        (0.8, 1.6, 2.6, 3.6), 'px', 'Standard deviations of the image\'s blur that are tried.',
+        derived('Half a step off costs less than .02 of the explained share.'))
+    sharp: float = constant(
+        0.97, '1', 'Explained share from which no other blur is tried.',
+        chosen('Undisturbed pairs reach .96 to .99.'))
+    blur_sites: int = constant(
+        150, '1', 'Patches by which the blur is chosen.', unexplained('Bounds the time.'))
+    repeats: int = constant(
+        2, '1', 'Times that the patches are placed.', chosen('The third changes nothing.'))
+    least_patches: int = constant(
+        40, '1', 'Patches from which they are used instead of the matches.',
+        derived('Seven for each unknown.'))
+    gain: float = constant(
+        0.03, '1', 'Gain of cost per patch from which a freer lens is believed.',
+        chosen('Undisturbed pairs gain up to .01; k1 = .02 gains .2.'))
+    least_gain: float = constant(
+        15.0, '1', 'Least such gain.', derived('Chance of a millionth.'))
+    known: float = constant(
+        1.5, 'px', 'Largest standard deviation of a prediction at other depths, px of the '
+        'pattern.', chosen('The structure of the pattern is nine: dense matching finds it.'))
+    beyond: float = constant(
+        0.15, '1', 'How far beyond the middle half of the depths predictions must be known.',
+        unexplained('Half-occluded surfaces are about there.'))
+    second_share: float = constant(
+        0.2, '1', 'Share of the matches that may form a second image of the pattern unnoticed.',
+        unexplained('Fewer do no harm.'))
+    second_agree: float = constant(
+        0.6, '1', 'Share of those that must agree among themselves.',
+        derived('Chance matches do not.'))
+    largest_residual: float = constant(
+        4.0, 'px', 'Largest median residual, px of the pattern.',
+        derived('Half a structure of the pattern.'))
+
+
+@dataclass(frozen=True)
+class ColorTuning(Constants):
+    """The map of colors."""
+
+    blur: float = constant(
+        1.0, 'px', 'Blur of both images before colors are compared.',
+        unexplained('Takes the noise of single pixels.'))
+    rounds: int = constant(
+        3, '1', 'Fits, each without the outliers of the last.', unexplained('Usual.'))
+    outlier: float = constant(
+        3.0, '1', 'Median errors from which a color does not count.',
+        derived('Colored surfaces have a map of their own.'))
+
+
+@dataclass(frozen=True)
+class Tuning(Constants):
+    """All constants of the projector's geometry."""
+
+    matching: MatchingTuning = MatchingTuning()
+    prior: PriorTuning = PriorTuning()
+    start: StartTuning = StartTuning()
+    patches: PatchTuning = PatchTuning()
+    find: FindTuning = FindTuning()
+    color: ColorTuning = ColorTuning()
+    adjustment: AdjustmentTuning = AdjustmentTuning()
+
+
+TUNING = Tuning()
