@@ -8,6 +8,9 @@ line:
 
     C = sigma^2 I + g g' sigma_Z^2,      g = d(u, v) / dZ along the ray of the left camera
 
+Stereo depth has slow errors, too, alike over large parts of the image. A few modes of them are
+unknowns beside those of the projector, with a prior of one standard deviation each.
+
 The unknowns are dimensionless or small: see `UNKNOWNS`. All sizes of the pattern count in widths
 of it.
 
@@ -40,7 +43,9 @@ class Evidence:
     sigma: np.ndarray
     """float64 (N,), standard deviation of the places along either axis, px."""
     depth_std: np.ndarray
-    """float64 (N,), standard deviation of Z, m."""
+    """float64 (N,), standard deviation of Z, m, independent from point to point."""
+    modes: np.ndarray
+    """float64 (N, M), m: how Z changes with slow errors of the depth, one standard deviation."""
 
     def __len__(self):
         """Return the number of points."""
@@ -49,7 +54,7 @@ class Evidence:
     def only(self, chosen):
         """Return some of the points, by a mask or by numbers."""
         return Evidence(self.points[chosen], self.places[chosen], self.sigma[chosen],
-                        self.depth_std[chosen])
+                        self.depth_std[chosen], self.modes[chosen])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +74,12 @@ class Adjusted:
     """The outcome of an adjustment."""
 
     model: ProjectorModel
-    information: np.ndarray
-    """float64 (12, 12), of the unknowns, prior included."""
     covariance: np.ndarray
     """float64 (12, 12), of the unknowns."""
     cost: float
     """Half the sum of the robust squares and of the prior's, in standard deviations."""
-    distance: np.ndarray
-    """float64 (N,), distance of each match from its prediction, standard deviations."""
+    slow: np.ndarray
+    """float64 (M,), the modes of the depth, standard deviations."""
     agree: np.ndarray
     """bool (N,), matches that agree."""
     scale: float
@@ -121,6 +124,11 @@ def usual_prior(size, depth, *, distorted=False, keystoned=False, cropped=False)
     information[6:9, 6:9] = np.eye(3) / np.pi ** 2  # any rotation
     information[9:12, 9:12] = np.eye(3) / (tuning.distance_std * depth) ** 2
     return Prior(mean, information)
+
+
+def free_prior():
+    """Return that nothing is known."""
+    return Prior(np.zeros(6), np.zeros((COUNT, COUNT)))
 
 
 def carried_prior(earlier, depth, *, posed):
@@ -266,23 +274,81 @@ def apart(prior, model):
     return away
 
 
-def whitened(evidence, model):
-    """Return residuals and their Jacobian in standard deviations, (N, 2) and (N, 2, 12)."""
+def whitened(evidence, model, slow):
+    """
+    Return residuals and their Jacobian in standard deviations.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    model : ProjectorModel
+    slow : numpy.ndarray, float64, shape (M,)
+        The modes of the depth, standard deviations.
+
+    Returns
+    -------
+    residual : numpy.ndarray, float64, shape (N, 2)
+    jacobian : numpy.ndarray, float64, shape (N, 2, 12 + M)
+        By the unknowns and the modes.
+
+    """
     places, jacobian, along, ahead = predicted(model, evidence.points)
+    by_modes = along[:, :, None] * evidence.modes[:, None]
+    residual = evidence.places - places - by_modes @ slow
+    residual[~ahead] = TUNING.adjustment.behind
+    jacobian = np.concatenate([jacobian, by_modes], axis=2)
+    jacobian[~ahead] = 0
     # Cholesky factor of C = sigma^2 I + g g' sigma_Z^2, whose inverse makes the residuals white
     g = along * evidence.depth_std[:, None]
     variance = evidence.sigma ** 2
     first = np.sqrt(variance + g[:, 0] ** 2)
     mixed = g[:, 0] * g[:, 1] / first
     second = np.sqrt(np.maximum(variance + g[:, 1] ** 2 - mixed ** 2, variance * 1e-9))
-    residual = evidence.places - places
-    residual[~ahead] = TUNING.adjustment.behind
-    for each in (residual, jacobian):
-        shape = (-1,) + (1,) * (each.ndim - 2)
-        each[:, 0] /= first.reshape(shape)
-        each[:, 1] = (each[:, 1] - mixed.reshape(shape) * each[:, 0]) / second.reshape(shape)
-    jacobian[~ahead] = 0
+    residual[:, 0] /= first
+    residual[:, 1] = (residual[:, 1] - mixed * residual[:, 0]) / second
+    jacobian[:, 0] /= first[:, None]
+    jacobian[:, 1] = (jacobian[:, 1] - mixed[:, None] * jacobian[:, 0]) / second[:, None]
     return residual, jacobian
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A model, the modes, and what the evidence says of them."""
+
+    model: ProjectorModel
+    slow: np.ndarray
+    """float64 (M,), the modes, standard deviations."""
+    residual: np.ndarray
+    """float64 (N, 2), see `whitened`."""
+    jacobian: np.ndarray
+    """float64 (N, 2, 12 + M)."""
+
+    @classmethod
+    def of(cls, evidence, model, slow=None):
+        """Return that of a model under some modes; None: there are no slow errors."""
+        slow = np.zeros(evidence.modes.shape[1]) if slow is None else slow
+        return cls(model, slow, *whitened(evidence, model, slow))
+
+    def cost(self, width, prior):
+        """Return half the sum of the robust squares and of the priors'."""
+        bound = (TUNING.adjustment.outlier * width) ** 2
+        away = apart(prior, self.model)
+        robust = bound * np.log1p(_square(self.residual) / bound)
+        return 0.5 * float(np.sum(robust) / width ** 2 + away @ prior.information @ away
+                           + self.slow @ self.slow)
+
+    def equations(self, width, prior):
+        """Return the matrix and the right side of a step of unknowns and modes."""
+        weight = 1 / (1 + _square(self.residual) / (TUNING.adjustment.outlier * width) ** 2)
+        count = self.jacobian.shape[2]
+        rows = self.jacobian.reshape(-1, count)
+        weighted = rows * np.repeat(weight / width ** 2, 2)[:, None]
+        normal, moment = weighted.T @ rows, weighted.T @ self.residual.ravel()
+        normal[:COUNT, :COUNT] += prior.information
+        moment[:COUNT] -= prior.information @ apart(prior, self.model)
+        normal[range(COUNT, count), range(COUNT, count)] += 1
+        moment[COUNT:] -= self.slow
+        return normal, moment
 
 
 def adjust(start, evidence, prior, rounds=None, scale=None):
@@ -308,53 +374,36 @@ def adjust(start, evidence, prior, rounds=None, scale=None):
 
     """
     tuning = TUNING.adjustment
-    model, damping = start, tuning.damping
-    residual, jacobian = whitened(evidence, model)
-    width = scale or robust_scale(residual)
-    cost = _cost(residual, width, prior, model)
+    now = State.of(evidence, start)
+    damping, width = tuning.damping, scale or robust_scale(now.residual)
+    cost = now.cost(width, prior)
     for _ in range(rounds or tuning.rounds):
-        weight = 1 / (1 + _square(residual) / (tuning.outlier * width) ** 2)
-        weighted = jacobian * weight[:, None, None]
-        away = apart(prior, model)
-        normal = (np.tensordot(weighted, jacobian, ((0, 1), (0, 1))) / width ** 2
-                  + prior.information)
-        moment = (np.tensordot(weighted, residual, ((0, 1), (0, 1))) / width ** 2
-                  - prior.information @ away)
+        normal, moment = now.equations(width, prior)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), moment)
-        tried = moved(model, step)
-        fresh, slopes = whitened(evidence, tried)
-        after = _cost(fresh, width, prior, tried)
-        if after > cost * (1 + 1e-9):
+        tried = State.of(evidence, moved(now.model, step), now.slow + step[COUNT:])
+        gained = cost - tried.cost(width, prior)
+        if gained < -1e-9 * cost:
             damping = max(10 * damping, tuning.damping)
             if damping > tuning.largest_damping:
                 break
             continue
-        model, residual, jacobian, damping = tried, fresh, slopes, damping / 10
-        gained = cost - after
-        if scale is None:
-            narrowed = min(width, robust_scale(residual))
-            width, settled = narrowed, narrowed > tuning.settled * width
-        else:
-            settled = True
-        cost = _cost(residual, width, prior, model)
+        now, damping = tried, damping / 10
+        narrowed = min(width, scale or robust_scale(now.residual))
+        settled = narrowed > tuning.settled * width
+        width = narrowed
+        cost = now.cost(width, prior)
         if settled and gained < tuning.least_gain:
             break
-    return _finished(model, residual, jacobian, width, prior, cost)
+    return _finished(now, width, prior, cost)
 
 
-def _finished(model, residual, jacobian, width, prior, cost):
-    tuning = TUNING.adjustment
-    weight = 1 / (1 + _square(residual) / (tuning.outlier * width) ** 2)
-    agree = _square(residual) < (tuning.gate * width) ** 2
-    weighted = jacobian * weight[:, None, None]
-    information = (np.tensordot(weighted, jacobian, ((0, 1), (0, 1)))
-                   / max(1.0, width) ** 2 + prior.information)
-    covariance = np.linalg.inv(information)
-    convert = to_parameters(model)
-    model = model.but(covariance=convert @ covariance @ convert.T,
-                      matches=int(np.count_nonzero(agree)))
-    return Adjusted(model, information, covariance, cost, np.sqrt(_square(residual)), agree,
-                    width)
+def _finished(state, width, prior, cost):
+    covariance = np.linalg.inv(state.equations(width, prior)[0])[:COUNT, :COUNT]
+    agree = _square(state.residual) < (TUNING.adjustment.gate * width) ** 2
+    convert = to_parameters(state.model)
+    model = state.model.but(covariance=convert @ covariance @ convert.T,
+                            matches=int(np.count_nonzero(agree)))
+    return Adjusted(model, covariance, cost, state.slow, agree, width)
 
 
 def robust_scale(residual):
@@ -365,10 +414,3 @@ def robust_scale(residual):
 
 def _square(residual):
     return np.einsum('ni,ni->n', residual, residual)
-
-
-def _cost(residual, width, prior, model):
-    bound = (TUNING.adjustment.outlier * width) ** 2
-    away = apart(prior, model)
-    robust = bound * np.log1p(_square(residual) / bound)
-    return 0.5 * float(np.sum(robust) / width ** 2 + away @ prior.information @ away)

@@ -9,7 +9,6 @@ SIFT (Lowe 2004) finds the same colors in an image and in the pattern, in two ch
 import cv2
 import numpy as np
 
-from ..rows.search import chromaticities
 from .tuning import TUNING
 
 
@@ -126,6 +125,36 @@ def left_right_pairs(left, right, features, insides=(None, None)):
                   for image, inside in zip((left, right), insides))
     _, first, second = np.intersect1d(one.names, other.names, return_indices=True)
     return one.pixels[first], other.pixels[second]
+
+
+def chromaticities(image):
+    """
+    Return r - g and b - (r + g) / 2 over the brightness, stretched to a usual contrast.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+
+    Returns
+    -------
+    grays : list of two numpy.ndarray, uint8, shape (H, W)
+
+    """
+    tuning = TUNING.matching
+    r, g, b = (each.astype(np.float32) for each in cv2.split(image))
+    light = r + g + b
+    share = 1 / (light + np.float32(tuning.dark))
+    lit = light > tuning.lit * light.mean()
+    grays = []
+    for color in ((r - g) * share, (b - np.float32(0.5) * (r + g)) * share):
+        some = color[lit][::tuning.every]
+        spread = max(float(some.std()), tuning.colorless) if some.size else 1.0
+        middle = float(some.mean()) if some.size else 0.0
+        gain = tuning.spread / spread
+        grays.append(cv2.convertScaleAbs(
+            np.maximum(gain * (color - np.float32(middle)) + np.float32(128), 0)))
+    return grays
 
 
 def nearest(one, other):

@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from .adjustment import adjust, carried_prior, Evidence, predicted, to_unknowns, usual_prior
+from .adjustment import adjust, carried_prior, predicted, to_unknowns, usual_prior
 from .colors import color_map
 from .features import left_right_pairs, PatternFeatures
 from .model import ProjectorModel
@@ -45,8 +45,12 @@ class Finding:
     """SIFT matches of the left image with the pattern."""
     with_depth: int = 0
     """Those of them whose surface point is known."""
-    blur: float = float('nan')
-    """Blur of the image by which the patches fit best, px of the image."""
+    smoothing: float = float('nan')
+    """
+    Blur of the pattern by which it looks like the image, standard deviation, px of the pattern.
+
+    NaN where no patches were placed.
+    """
 
     def sentence(self):
         """Return what was found as one sentence."""
@@ -106,14 +110,14 @@ class ProjectorFinder:
             return Finding(None, Reason.APART, *counts)
         if self._second(rough, evidence, depth):
             return Finding(None, Reason.TWICE, *counts)
-        found, evidence, blur, prior = self._precisely(rough, evidence, measured, prior)
+        found, evidence, smoothing = self._precisely(rough, evidence, measured, prior)
         found, evidence = self._freer(found, evidence, depth, prior)
         model = found.model.but(residual=self._residual(found, evidence))
         if not known_elsewhere(model, evidence.points):
-            return Finding(None, Reason.FLAT, *counts, blur)
+            return Finding(None, Reason.FLAT, *counts, smoothing)
         matrix, quality = color_map(model, measured, self.pattern, evidence.only(found.agree))
         return Finding(model.but(color_map=matrix, color_quality=quality), Reason.FOUND, *counts,
-                       blur)
+                       smoothing)
 
     def left_right_pairs(self, left, right, insides=(None, None)):
         """Return points that both views show, by way of the pattern; see `features`."""
@@ -134,7 +138,7 @@ class ProjectorFinder:
         points, spread = measured.points_at(matches.pixels)
         good = np.isfinite(points).all(axis=1) & np.isfinite(spread)
         sigma = np.full(np.count_nonzero(good), TUNING.find.match_std / self.features.scale)
-        return Evidence(points[good], matches.places[good], sigma, spread[good])
+        return measured.evidence(points[good], matches.places[good], sigma, spread[good])
 
     def _roughly(self, evidence, depth, earlier):
         """Return the best fit of matches and the prior that it needs."""
@@ -157,22 +161,24 @@ class ProjectorFinder:
         return found, priors[-1]
 
     def _precisely(self, rough, evidence, measured, prior):
-        """Return the fit of patches, its evidence and the blur; of the matches if that fails."""
-        where = sites(measured, TUNING.find.spacing)
-        blur, found = float('nan'), rough
-        if len(where) < TUNING.find.least_patches:
-            return rough, evidence, blur, prior
-        blur, colors = self.blurred(found.model, measured, where)
-        for _ in range(TUNING.find.repeats):
+        """Return the fit of patches, its evidence and smoothing; those of matches if it fails."""
+        tuning = TUNING.find
+        where = sites(measured, tuning.spacing)
+        where = where.every(len(where) // tuning.most_sites + 1)
+        if len(where) < tuning.least_patches:
+            return rough, evidence, float('nan')
+        smoothing, colors = self.blurred(rough.model, measured, where)
+        found = rough
+        for _ in range(tuning.repeats):
             fresh = placed(found.model, measured, colors, where)[0]
-            if len(fresh) < TUNING.find.least_patches:
-                return rough, evidence, blur, prior
+            if len(fresh) < tuning.least_patches:
+                return rough, evidence, float('nan')
             found = adjust(found.model, fresh, prior)
-        return found, fresh, blur, prior
+        return found, fresh, smoothing
 
     def blurred(self, model, measured, where):
         """
-        Return the blur of the image and the colors of the pattern under it.
+        Return the smoothing by which the pattern looks like the image, and its colors then.
 
         Parameters
         ----------
@@ -182,8 +188,8 @@ class ProjectorFinder:
 
         Returns
         -------
-        blur : float
-            px of the image.
+        smoothing : float
+            Standard deviation, px of the pattern.
         colors : numpy.ndarray, float32, shape (H', W', 2)
 
         """
@@ -191,12 +197,12 @@ class ProjectorFinder:
         areas = np.abs(np.linalg.det(affines(model, some)))
         per_pixel = float(np.sqrt(np.median(areas[np.isfinite(areas)])))
         best = -1.0, 0.0, None
-        for blur in TUNING.find.blurs:
-            colors = chromatic(self.pattern, blur * per_pixel)
+        for smoothing in per_pixel * np.array(TUNING.find.blurs):
+            colors = chromatic(self.pattern, smoothing)
             share = float(np.median(placed(model, measured, colors, some)[2]))
             if share <= best[0]:
                 break
-            best = share, blur, colors
+            best = share, float(smoothing), colors
             if share > TUNING.find.sharp:
                 break
         return best[1:]

@@ -21,8 +21,8 @@ class Sites:
     """float64 (N, 3), m, rectified left camera."""
     slopes: np.ndarray
     """float64 (N, 2, 3), m per px: how the point moves along the columns and the rows."""
-    depth_std: np.ndarray
-    """float64 (N,), m."""
+    disparity_std: np.ndarray
+    """float64 (N,), px."""
 
     def __len__(self):
         """Return the number of sites."""
@@ -54,10 +54,38 @@ class Measured:
         return cls(result.image, result.depth, result.disparity_std, result.confidence,
                    result.geometry)
 
-    def depth_std(self, depth, disparity_std):
-        """Return the standard deviation of depths, m: that of the disparity and its floor."""
-        spread = np.hypot(disparity_std, TUNING.patches.disparity_floor)
-        return depth * depth * spread / self.geometry.focal_baseline
+    def evidence(self, points, places, sigma, disparity_std):
+        """
+        Return Evidence of points with known places in the pattern.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, float64, shape (N, 3)
+            m.
+        places : numpy.ndarray, float64, shape (N, 2)
+            px of the pattern.
+        sigma : numpy.ndarray, float64, shape (N,)
+            Standard deviation of the places, px.
+        disparity_std : numpy.ndarray, float64, shape (N,)
+            px, as the two views say it.
+
+        Returns
+        -------
+        evidence : Evidence
+
+        """
+        tuning, g = TUNING.patches, self.geometry
+        depth = points[:, 2]
+        per_pixel = depth * depth / g.focal_baseline
+        # pixel, from the center, in half widths
+        x = 2 * points[:, 0] / depth * g.focal_x / g.width
+        y = 2 * points[:, 1] / depth * g.focal_y / g.width
+        modes = np.stack([x ** i * y ** j for i in range(tuning.degree + 1)
+                          for j in range(tuning.degree + 1 - i)], axis=-1)
+        typical = float(np.median(disparity_std)) if len(points) else 0.0
+        slow = np.hypot(tuning.slow_floor, tuning.slow_share * typical)
+        return Evidence(points, places, sigma, tuning.alike * per_pixel * disparity_std,
+                        modes * (slow * per_pixel)[:, None])
 
     def points_at(self, pixels):
         """
@@ -72,8 +100,8 @@ class Measured:
         -------
         points : numpy.ndarray, float64, shape (N, 3)
             m; NaN where the depth around the place is not known or has an edge.
-        depth_std : numpy.ndarray, float64, shape (N,)
-            m.
+        disparity_std : numpy.ndarray, float64, shape (N,)
+            px.
 
         """
         height, width = self.depth.shape
@@ -92,8 +120,7 @@ class Measured:
                         for row, column, _ in corners], axis=0)
         depth = np.where(good, 1.0 / mean, np.nan)
         spread = np.max([self.disparity_std[row, column] for row, column, _ in corners], axis=0)
-        return (self.rays(pixels) * depth[:, None],
-                self.depth_std(depth, spread.astype(np.float64)))
+        return self.rays(pixels) * depth[:, None], spread.astype(np.float64)
 
     def rays(self, pixels):
         """Return X/Z, Y/Z and 1 of pixels (N, 2), float64 (N, 3)."""
@@ -145,8 +172,8 @@ def sites(measured, step):
         fall = -depth ** 2 * ((other - one)[good] / (2 * reach))
         slopes[:, axis] = rays * fall[:, None]
         slopes[:, axis, axis] += depth / focal
-    spread = measured.depth_std(depth, measured.disparity_std[y, x].astype(np.float64))
-    return Sites(pixels, rays * depth[:, None], slopes, spread)
+    return Sites(pixels, rays * depth[:, None], slopes,
+                 measured.disparity_std[y, x].astype(np.float64))
 
 
 def chromatic(pattern, blur):
@@ -197,7 +224,7 @@ def placed(model, measured, colors, places, rounds=None):
 
     Returns
     -------
-    evidence : Evidence
+    evidence : color_stereo_ros.core.projector.adjustment.Evidence
         Of the patches that were found.
     found : numpy.ndarray, bool, shape (N,)
         Which sites these are.
@@ -216,5 +243,5 @@ def placed(model, measured, colors, places, rounds=None):
     explained = np.nan_to_num(result[:, 3])
     found = explained > tuning.explained
     sigma = np.hypot(tuning.correlated * result[found, 2], tuning.floor)
-    return Evidence(places.points[found], result[found, :2], sigma,
-                    places.depth_std[found]), found, explained
+    return measured.evidence(places.points[found], result[found, :2], sigma,
+                             places.disparity_std[found]), found, explained

@@ -18,6 +18,20 @@ class MatchingTuning(Constants):
     largest_width: int = constant(
         800, 'px', 'Width up to which images are searched as they are; wider ones are reduced.',
         derived('The time of the search stays below 1 s.'))
+    dark: float = constant(
+        24.0, 'DN', 'Added to the sum of the channels: dark noise has no color.',
+        unexplained('As in the search of the rows.'))
+    lit: float = constant(
+        0.5, '1', 'Share of the mean brightness from which a pixel counts as lit.',
+        unexplained('Dark pixels show noise.'))
+    every: int = constant(
+        7, 'px', 'Every so manyth pixel is asked for the contrast.', derived('Saves time.'))
+    spread: float = constant(
+        32.0, '1', 'Standard deviation to which chromaticities are stretched, of 255.',
+        chosen('Cameras with crosstalk have a tenth of the contrast.'))
+    colorless: float = constant(
+        0.01, '1', 'Least standard deviation of a chromaticity that is stretched.',
+        derived('Gray cameras show noise of that size.'))
     features: int = constant(
         1200, '1', 'Largest number of features per image and chromaticity.',
         chosen('Some 500 matches; patches make them precise. The pattern keeps all its own.'))
@@ -135,9 +149,19 @@ class PatchTuning(Constants):
     dark: float = constant(
         24.0, 'DN', 'Added to the sum of the channels: dark noise has no color.',
         unexplained('As in the search of the rows.'), compiled=True)
-    disparity_floor: float = constant(
-        0.02, 'px', 'Standard deviation that all disparities have in common with neighbors.',
-        chosen('Slow errors of the two views, which their standard deviations do not tell.'))
+    slow_floor: float = constant(
+        0.01, 'px', 'Standard deviation of each slow mode of the disparity, at least.',
+        chosen('Path-traced pairs: .002 to .03 px.'))
+    slow_share: float = constant(
+        0.4, '1', 'The same, share of the median standard deviation of the disparities.',
+        chosen('Disturbed pairs: .1 to .7.'))
+    degree: int = constant(
+        3, '1', 'Highest power of column and row in the slow modes.',
+        unexplained('The fifth power changes nothing.'))
+    alike: float = constant(
+        2.0, '1', 'Factor of the standard deviation of the disparity of a patch.',
+        chosen('Disparities of neighboring patches err alike: medians of 32 x 32 px scatter as '
+               'much as single pixels.'))
     bend: float = constant(
         0.4, 'px', 'Largest bend of the disparity over a patch.',
         derived('Moves its border by as much, its middle by nothing.'))
@@ -187,7 +211,9 @@ class FindTuning(Constants):
     trial_rounds: int = constant(
         12, '1', 'Steps of the adjustment from each start.', unexplained('Enough to compare.'))
     spacing: int = constant(
-        7, 'px', 'Distance of the patches.', derived('They overlap by a third.'))
+        10, 'px', 'Distance of the patches.', derived('They hardly overlap.'))
+    most_sites: int = constant(
+        1500, '1', 'Largest number of patches, about.', derived('Bounds the time.'))
     blurs: tuple = constant(
         (0.8, 1.6, 2.6, 3.6), 'px', 'Standard deviations of the image\'s blur that are tried.',
         derived('Half a step off costs less than .02 of the explained share.'))
@@ -207,7 +233,7 @@ class FindTuning(Constants):
     least_gain: float = constant(
         15.0, '1', 'Least such gain.', derived('Chance of a millionth.'))
     known: float = constant(
-        1.5, 'px', 'Largest standard deviation of a prediction at other depths, px of the '
+        3.0, 'px', 'Largest standard deviation of a prediction at other depths, px of the '
         'pattern.', chosen('The structure of the pattern is nine: dense matching finds it.'))
     beyond: float = constant(
         0.15, '1', 'How far beyond the middle half of the depths predictions must be known.',
@@ -221,6 +247,36 @@ class FindTuning(Constants):
     largest_residual: float = constant(
         4.0, 'px', 'Largest median residual, px of the pattern.',
         derived('Half a structure of the pattern.'))
+
+
+@dataclass(frozen=True)
+class TrackTuning(Constants):
+    """From pair to pair."""
+
+    spacing: int = constant(
+        20, 'px', 'Distance of the patches.', chosen('Some 300 patches at 640 x 480.'))
+    most_sites: int = constant(
+        250, '1', 'Largest number of patches, about.', derived('Bounds the time to 2 ms.'))
+    rounds: int = constant(
+        4, '1', 'Steps of a patch.', chosen('They begin near their places.'))
+    least_patches: int = constant(
+        30, '1', 'Patches below which a pair says nothing.', derived('Five for each coordinate.'))
+    least_share: float = constant(
+        0.5, '1', 'Share of the patches that must be found.',
+        chosen('.9 to 1 at rest, .0 to .3 after a jump.'))
+    bump: float = constant(
+        0.5, 'px', 'Median distance of the patches from their predictions, px of the pattern, '
+        'from which the pose is forgotten.', chosen('.05 to .2 at rest beyond the noise.'))
+    weights: tuple = constant(
+        (0.5, 0.7, 0.9, 0.97), '1', 'Weights of what was known, of which the one that leaves the '
+        'least uncertainty is taken.', derived('Covariance intersection (Julier and Uhlmann '
+                                               '1997): pairs of one scene err alike.'))
+    drift: float = constant(
+        0.00002, '1', 'Standard deviation by which the unknowns change from pair to pair; of a '
+        'pose in depths of the scene.', chosen('A warm projector: .02 px of the pattern.'))
+    largest_wait: int = constant(
+        64, 'pairs', 'Largest number of pairs between two searches that find nothing.',
+        derived('A search takes as long as 30 pairs.'))
 
 
 @dataclass(frozen=True)
@@ -246,6 +302,7 @@ class Tuning(Constants):
     start: StartTuning = StartTuning()
     patches: PatchTuning = PatchTuning()
     find: FindTuning = FindTuning()
+    track: TrackTuning = TrackTuning()
     color: ColorTuning = ColorTuning()
     adjustment: AdjustmentTuning = AdjustmentTuning()
 
