@@ -86,7 +86,11 @@ class Adjusted:
     """Robust standard deviation of the whitened residuals, 1 where sigma is right."""
 
 
-def usual_prior(size, depth, *, distorted=False, keystoned=False, cropped=False):
+FREEDOMS = {'distorted': (5,), 'cropped': (3,), 'stretched': (1,), 'keystoned': (1, 2, 3)}
+"""What a prior may be freed of: radial distortion; column of the center; aspect; all of these."""
+
+
+def usual_prior(size, depth):
     """
     Return what is known of any projector.
 
@@ -96,12 +100,6 @@ def usual_prior(size, depth, *, distorted=False, keystoned=False, cropped=False)
         Width and height of the pattern, px.
     depth : float
         Median depth of the scene, m.
-    distorted : bool
-        The lens may distort.
-    keystoned : bool
-        Pixels need not be square: keystone correction, or a stretched pattern.
-    cropped : bool
-        The principal point need not be near the middle column.
 
     Returns
     -------
@@ -113,17 +111,23 @@ def usual_prior(size, depth, *, distorted=False, keystoned=False, cropped=False)
     focal = 0.5 / np.tan(np.radians(tuning.field_of_view) / 2)
     mean = np.array([np.log(focal), 0.0, 0.0, (width - 1) / 2 / width, (height - 1) / 2 / width,
                      0.0])
-    loose = tuning.loose_std
-    spread = np.array([tuning.focal_std, loose if keystoned else tuning.square_std,
-                       loose if keystoned else tuning.square_std,
-                       loose if cropped or keystoned else tuning.column_std,
-                       tuning.row_std * height / width,
-                       tuning.distortion_std if distorted else tuning.straight_std])
+    spread = np.array([tuning.focal_std, tuning.square_std, tuning.square_std,
+                       tuning.column_std, tuning.row_std * height / width, tuning.straight_std])
     information = np.zeros((COUNT, COUNT))
     information[LENS, LENS] = np.diag(spread ** -2.0)
     information[6:9, 6:9] = np.eye(3) / np.pi ** 2  # any rotation
     information[9:12, 9:12] = np.eye(3) / (tuning.distance_std * depth) ** 2
     return Prior(mean, information)
+
+
+def loosened(prior, kind):
+    """Return a prior that knows less of the lens; kind: a key of FREEDOMS."""
+    spread = TUNING.prior.distortion_std if kind == 'distorted' else TUNING.prior.loose_std
+    information = prior.information.copy()
+    for each in FREEDOMS[kind]:
+        information[each, :] = information[:, each] = 0
+        information[each, each] = spread ** -2
+    return Prior(prior.mean, information, prior.model)
 
 
 def free_prior():

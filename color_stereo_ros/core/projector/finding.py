@@ -6,7 +6,8 @@ from enum import Enum
 
 import numpy as np
 
-from .adjustment import adjust, carried_prior, predicted, to_unknowns, usual_prior
+from .adjustment import (
+    adjust, carried_prior, FREEDOMS, loosened, predicted, to_unknowns, usual_prior)
 from .colors import color_map
 from .features import left_right_pairs, PatternFeatures
 from .model import ProjectorModel
@@ -30,6 +31,8 @@ class Reason(Enum):
              'is a picture of the pattern in the scene?')
     TWICE = ('projector not found: the pattern appears twice; is there a second projector, or a '
              'picture of the pattern?')
+    PICTURE = ('projector not found: the pattern is seen on one plane only, and other light around '
+               'it; is it a picture of the pattern?')
     FLAT = ('projector not found: the scene is too flat to tell where the projector stands; show '
             'it surfaces at different distances once')
 
@@ -104,20 +107,21 @@ class ProjectorFinder:
             return Finding(None, Reason.BLIND, *counts)
         depth = float(np.median(evidence.points[:, 2]))
         rough, prior = self._roughly(evidence, depth, earlier)
-        agree = np.count_nonzero(rough.agree)
-        if (agree < max(TUNING.find.least_matches, TUNING.find.least_share * len(evidence))
-                or self._residual(rough, evidence) > TUNING.find.largest_residual):
-            return Finding(None, Reason.APART, *counts)
-        if self._second(rough, evidence, depth):
-            return Finding(None, Reason.TWICE, *counts)
-        found, evidence, smoothing = self._precisely(rough, evidence, measured, prior)
-        found, evidence = self._freer(found, evidence, depth, prior)
-        model = found.model.but(residual=self._residual(found, evidence))
-        if not known_elsewhere(model, evidence.points):
-            return Finding(None, Reason.FLAT, *counts, smoothing)
-        matrix, quality = color_map(model, measured, self.pattern, evidence.only(found.agree))
-        return Finding(model.but(color_map=matrix, color_quality=quality), Reason.FOUND, *counts,
-                       smoothing)
+        reason = self._doubt(rough, evidence, matches, depth)
+        if reason is not None:
+            return Finding(None, reason, *counts)
+        where = sites(measured, TUNING.find.spacing)
+        where = where.every(len(where) // TUNING.find.most_sites + 1)
+        found, evidence, smoothing = self._precisely(rough, evidence, measured, where, prior)
+        found = self._freer(found, evidence, prior)
+        reason = self._late_doubt(found, evidence, measured, where, earlier)
+        if reason is not None:
+            return Finding(None, reason, *counts, smoothing)
+        matrix, quality = color_map(found.model, measured, self.pattern,
+                                    evidence.only(found.agree))
+        model = found.model.but(residual=self._residual(found, evidence), color_map=matrix,
+                                color_quality=quality)
+        return Finding(model, Reason.FOUND, *counts, smoothing)
 
     def left_right_pairs(self, left, right, insides=(None, None)):
         """Return points that both views show, by way of the pattern; see `features`."""
@@ -133,6 +137,30 @@ class ProjectorFinder:
             return Reason.MIRRORED
         return Reason.ABSENT
 
+    def _doubt(self, rough, evidence, matches, depth):
+        """Return why the fit of matches is not to be believed, None if it is."""
+        tuning = TUNING.find
+        agree = np.count_nonzero(rough.agree)
+        if (agree < max(tuning.least_matches, tuning.least_share * len(evidence))
+                or self._residual(rough, evidence) > tuning.largest_residual):
+            by_chance = agree < tuning.least_matches + tuning.chance * matches.features
+            return Reason.ABSENT if by_chance else Reason.APART
+        if from_behind(rough.model, evidence.points[rough.agree]):
+            return Reason.MIRRORED
+        return Reason.TWICE if self._second(rough, evidence, depth) else None
+
+    def _late_doubt(self, found, evidence, measured, where, earlier):
+        """Return why the fit of patches is not to be believed, None if it is."""
+        tuning = TUNING.find
+        if np.mean(found.agree) < tuning.least_share:
+            return Reason.APART
+        if not known_elsewhere(found.model, evidence.points):
+            return Reason.FLAT
+        if (earlier is None and planar(evidence.points, measured.geometry)
+                and lit_beyond(found.model, measured, where) > tuning.beyond_share):
+            return Reason.PICTURE
+        return None
+
     def _evidence(self, matches, measured):
         """Return the matches whose surface point is known."""
         points, spread = measured.points_at(matches.pixels)
@@ -147,24 +175,28 @@ class ProjectorFinder:
         if len(evidence) > TUNING.start.most:
             chosen = evidence.only(np.random.default_rng(TUNING.start.seed).choice(
                 len(evidence), TUNING.start.most, replace=False))
-        priors = [usual_prior(self.size, depth)]
+        usual = usual_prior(self.size, depth)
+        prior = usual if earlier is None else carried_prior(earlier, depth, posed=False)
+        models = list(starts(chosen, self.size, earlier))
+        tried = [adjust(start, chosen, prior, tuning.trial_rounds) for start in models]
+        best = min(tried, key=fitness)
+        if earlier is None:
+            for kind in ('stretched', 'keystoned'):
+                loose = loosened(prior, kind)
+                freer = min((adjust(start, chosen, loose, tuning.trial_rounds)
+                             for start in (best.model, models[-1])), key=fitness)
+                if fitness(best) - fitness(freer) > self._least_gain(chosen):
+                    best, prior = freer, loose
+        found = adjust(best.model, evidence, prior)
         if earlier is not None:
-            priors.append(carried_prior(earlier, depth, posed=False))
-        best = min((adjust(start, chosen, prior, tuning.trial_rounds)
-                    for start in starts(chosen, self.size, earlier) for prior in priors[-1:]),
-                   key=lambda each: each.cost + len(chosen) * np.log(each.scale ** 2))
-        found = adjust(best.model, evidence, priors[-1])
-        if earlier is not None:
-            other = adjust(found.model, evidence, priors[0], scale=found.scale)
+            other = adjust(found.model, evidence, usual, scale=found.scale)
             if found.cost - other.cost > self._least_gain(evidence):
-                return other, priors[0]  # another lens
-        return found, priors[-1]
+                return other, usual  # another lens
+        return found, prior
 
-    def _precisely(self, rough, evidence, measured, prior):
+    def _precisely(self, rough, evidence, measured, where, prior):
         """Return the fit of patches, its evidence and smoothing; those of matches if it fails."""
         tuning = TUNING.find
-        where = sites(measured, tuning.spacing)
-        where = where.every(len(where) // tuning.most_sites + 1)
         if len(where) < tuning.least_patches:
             return rough, evidence, float('nan')
         smoothing, colors = self.blurred(rough.model, measured, where)
@@ -207,16 +239,14 @@ class ProjectorFinder:
                 break
         return best[1:]
 
-    def _freer(self, found, evidence, depth, prior):
+    def _freer(self, found, evidence, prior):
         """Return a fit whose lens distorts or whose pixels are not square if evidence asks."""
-        kinds = ({'distorted': True}, {'cropped': True}, {'keystoned': True},
-                 {'keystoned': True, 'distorted': True})
-        for kind in kinds:
-            freer = usual_prior(self.size, depth, **kind)
+        for kind in FREEDOMS:
+            freer = loosened(prior, kind)
             other = adjust(found.model, evidence, freer, scale=found.scale)
             if found.cost - other.cost > self._least_gain(evidence):
-                found = adjust(other.model, evidence, freer)
-        return found, evidence
+                found, prior = adjust(other.model, evidence, freer), freer
+        return found
 
     def _second(self, found, evidence, depth):
         """Return whether matches that do not agree form a second image of the pattern."""
@@ -240,6 +270,39 @@ class ProjectorFinder:
         """Return the median distance of the matches that agree, px of the pattern."""
         error = np.column_stack(found.model.project(evidence.points)) - evidence.places
         return float(np.median(np.hypot(*error[found.agree].T)))
+
+
+def fitness(adjusted):
+    """Return the cost of a fit so that fits of different scales can be compared."""
+    return adjusted.cost + len(adjusted.agree) * np.log(adjusted.scale ** 2)
+
+
+def from_behind(model, points):
+    """Return whether a model lights points from behind, as a mirrored pattern seems to do."""
+    from_projector = points - model.center
+    return bool(np.median(np.einsum('ni,ni->n', points, from_projector)) < 0)
+
+
+def planar(points, geometry):
+    """Return whether points (N, 3), m, lie on one plane as well as disparities can tell."""
+    rays = points / points[:, 2:3]
+    disparity = geometry.focal_baseline / points[:, 2]
+    plane = np.linalg.lstsq(rays, disparity, rcond=None)[0]
+    apart = np.abs(disparity - rays @ plane)
+    return bool(np.quantile(apart, TUNING.find.most) < TUNING.find.plane)
+
+
+def lit_beyond(model, measured, where):
+    """Return the share of the sites that are lit though the pattern does not reach them."""
+    if not len(where):
+        return 0.0
+    light = measured.image[where.pixels[:, 1], where.pixels[:, 0]].sum(axis=1)
+    u, v = model.project(where.points)
+    inside = (u > -0.5) & (v > -0.5) & (u < model.size[0] - 0.5) & (v < model.size[1] - 0.5)
+    if not inside.any():
+        return 1.0
+    bright = light > TUNING.find.bright * np.median(light[inside])
+    return float(np.mean(bright & ~inside))
 
 
 def known_elsewhere(model, points):

@@ -238,6 +238,21 @@ class FindTuning(Constants):
     beyond: float = constant(
         0.15, '1', 'How far beyond the middle half of the depths predictions must be known.',
         unexplained('Half-occluded surfaces are about there.'))
+    chance: float = constant(
+        0.02, '1', 'Share of the features of an image that agree by chance.',
+        chosen('Other seeds of the pattern: .01.'))
+    most: float = constant(
+        0.9, '1', 'Share of the points that must lie on a plane to call a scene plane.',
+        derived('Some points are wrong.'))
+    plane: float = constant(
+        1.0, 'px', 'Largest distance of these from the plane, disparity.',
+        chosen('Enough relief to tell a projection from a picture.'))
+    bright: float = constant(
+        0.4, '1', 'Share of the light of the pattern from which a place is lit.',
+        unexplained('Other light is seldom as strong as the projector.'))
+    beyond_share: float = constant(
+        0.2, '1', 'Share of the surface that may be lit beyond the pattern.',
+        unexplained('A picture is smaller than the scene.'))
     second_share: float = constant(
         0.2, '1', 'Share of the matches that may form a second image of the pattern unnoticed.',
         unexplained('Fewer do no harm.'))
