@@ -36,6 +36,16 @@ def solids():
     return np.where(away < 1, ball, depth)
 
 
+def right_view(model, pattern, distance=0.5, tilt=0.0, rows=0, seed=5):
+    """Return the image of the right camera before a `wall`, shifted down by some rows."""
+    row, column = np.indices((HEIGHT, WIDTH), np.float64)
+    x = (column - GEOMETRY.center_x_right) / GEOMETRY.focal_x
+    y = (row - rows - GEOMETRY.center_y) / GEOMETRY.focal_y
+    depth = (distance + tilt * GEOMETRY.baseline) / (1 - tilt * x)
+    points = np.dstack([x * depth + GEOMETRY.baseline, y * depth, depth])
+    return photographed(sampled(pattern, *model.project(points)), seed)
+
+
 def turned(degrees_x, degrees_y, degrees_z=0.0):
     """Return a rotation matrix of a rotation vector in degrees."""
     return cv2.Rodrigues(np.radians([degrees_x, degrees_y, degrees_z]))[0]
@@ -62,10 +72,13 @@ def projector(center=(0.06, -0.09, 0.02), rotation=None, field_of_view=58.0, shi
 
 def lit(depth, model, pattern, albedo=1.0):
     """Return the light of every pixel of the left camera, float32 (H, W, 3), DN."""
-    points = rays() * depth[..., None]
-    u, v = model.project(points)
-    return albedo * 0.8 * cv2.remap(pattern.astype(np.float32), u.astype(np.float32),
-                                    v.astype(np.float32), cv2.INTER_LINEAR)
+    return albedo * sampled(pattern, *model.project(rays() * depth[..., None]))
+
+
+def sampled(pattern, u, v):
+    """Return the light at places of a pattern, float32 (H, W, 3), DN; 0 outside."""
+    return 0.8 * cv2.remap(pattern.astype(np.float32), u.astype(np.float32), v.astype(np.float32),
+                           cv2.INTER_LINEAR)
 
 
 def photographed(light, seed=1, blur=0.6):

@@ -347,12 +347,27 @@ class State:
         count = self.jacobian.shape[2]
         rows = self.jacobian.reshape(-1, count)
         weighted = rows * np.repeat(weight / width ** 2, 2)[:, None]
-        normal, moment = weighted.T @ rows, weighted.T @ self.residual.ravel()
+        sums = products(weighted, np.column_stack([rows, self.residual.ravel()]))
+        normal, moment = np.ascontiguousarray(sums[:, :-1]), sums[:, -1]
         normal[:COUNT, :COUNT] += prior.information
         moment[:COUNT] -= prior.information @ apart(prior, self.model)
         normal[range(COUNT, count), range(COUNT, count)] += 1
         moment[COUNT:] -= self.slow
         return normal, moment
+
+
+def products(one, other):
+    """
+    Return one' other of tall matrices (N, A) and (N, B).
+
+    In blocks so small that no BLAS starts threads: these cost more than they save.
+
+    """
+    block = TUNING.adjustment.block
+    whole = len(one) // block * block
+    first, second = (each[:whole].reshape(-1, block, each.shape[1]) for each in (one, other))
+    return (np.matmul(first.transpose(0, 2, 1), second).sum(axis=0)
+            + one[whole:].T @ other[whole:])
 
 
 def adjust(start, evidence, prior, rounds=None, scale=None):

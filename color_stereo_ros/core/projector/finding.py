@@ -129,7 +129,8 @@ class ProjectorFinder:
 
     def _why(self, matches, image, inside):
         """Return why an image has too few matches."""
-        if matches.features < TUNING.find.least_features:
+        dark = np.quantile(image, TUNING.find.brightest) < TUNING.find.dark
+        if dark or matches.features < TUNING.find.least_features:
             return Reason.STILL
         flipped = np.ascontiguousarray(image[:, ::-1])
         mask = None if inside is None else np.ascontiguousarray(inside[:, ::-1])

@@ -226,8 +226,9 @@ def placed(model, measured, colors, places, rounds=None):
     -------
     evidence : color_stereo_ros.core.projector.adjustment.Evidence
         Of the patches that were found.
-    found : numpy.ndarray, bool, shape (N,)
-        Which sites these are.
+    share : float
+        Of the sites whose patch should lie inside the pattern, that were found; 0 if there are
+        none.
     explained : numpy.ndarray, float64, shape (N,)
         Share of the variance of the colors that the pattern explains; 0 = not found.
 
@@ -236,6 +237,9 @@ def placed(model, measured, colors, places, rounds=None):
     result = np.full((len(places), 4), np.nan)
     start = np.column_stack(model.project(places.points))
     shape = affines(model, places)
+    margin = HALF * np.abs(shape).sum(axis=2)
+    last = np.array(model.size) - 1
+    expected = ((start > margin) & (start < last - margin)).all(axis=1)
     start[~np.isfinite(start)] = -1e6
     shape[~np.isfinite(shape)] = 0.0
     place_patches(measured.image, colors, places.pixels, np.ascontiguousarray(start),
@@ -243,5 +247,7 @@ def placed(model, measured, colors, places, rounds=None):
     explained = np.nan_to_num(result[:, 3])
     found = explained > tuning.explained
     sigma = np.hypot(tuning.correlated * result[found, 2], tuning.floor)
-    return measured.evidence(places.points[found], result[found, :2], sigma,
-                             places.disparity_std[found]), found, explained
+    evidence = measured.evidence(places.points[found], result[found, :2], sigma,
+                                 places.disparity_std[found])
+    share = np.count_nonzero(found & expected) / max(np.count_nonzero(expected), 1)
+    return evidence, share, explained

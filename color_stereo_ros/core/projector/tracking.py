@@ -93,9 +93,8 @@ class ProjectorTracker:
         where = where.every(len(where) // tuning.most_sites + 1)
         if len(where) < tuning.least_patches:
             return missed(track)
-        evidence, _, _ = placed(track.model, measured, self._colors(track.smoothing), where,
-                                tuning.rounds)
-        share = len(evidence) / len(where)
+        evidence, share, _ = placed(track.model, measured, self._colors(track.smoothing), where,
+                                    tuning.rounds)
         if len(evidence) < tuning.least_patches or share < tuning.least_share:
             return missed(track.but(share=share))
         shift = apart_from(track.model, evidence)

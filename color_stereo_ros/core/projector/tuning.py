@@ -57,8 +57,8 @@ class PriorTuning(Constants):
         0.0005, '1', 'Standard deviation of skew and aspect ratio where pixels are square.',
         chosen('Chips are made to a ten-thousandth; the scale of a pattern is exact.'))
     column_std: float = constant(
-        0.01, 'widths', 'Standard deviation of the column of the principal point.',
-        chosen('Lenses are centered to 1 %; lens shift is vertical.'))
+        0.02, 'widths', 'Standard deviation of the column of the principal point.',
+        chosen('Lenses are centered to 1 %; lens shift is vertical; patterns may be cropped.'))
     row_std: float = constant(
         0.5, 'heights', 'Standard deviation of the row of the principal point.',
         derived('Lens shift puts it on the lower edge.'))
@@ -132,6 +132,9 @@ class AdjustmentTuning(Constants):
         derived('Far below one standard deviation.'))
     settled: float = constant(
         0.98, '1', 'Ratio of two scales from which the scale has settled.', unexplained('Usual.'))
+    block: int = constant(
+        256, '1', 'Rows of a matrix that are multiplied at once.',
+        derived('22 x 23 x 256 stays below 262144, from which OpenBLAS starts threads.'))
     nearest: float = constant(
         0.01, 'm', 'Least distance of a point in front of the projector.',
         derived('No projector is used so close.'))
@@ -196,6 +199,11 @@ class FindTuning(Constants):
     least_features: int = constant(
         200, '1', 'Features from which an image without matches shows something else.',
         unexplained('Fewer are a dark image, or one out of focus.'))
+    brightest: float = constant(
+        0.9, '1', 'Share of the values of an image that are darker than `dark` if it is dark.',
+        unexplained('A lamp may be seen.'))
+    dark: float = constant(
+        12.0, 'DN', 'Largest value of a dark image.', chosen('Dark level and noise.'))
     least_share: float = constant(
         0.5, '1', 'Share of the matches with depth that must agree.',
         chosen('Path-traced pairs .93 to 1, two projectors .5.'))
