@@ -242,10 +242,12 @@ class ProjectorFinder:
 
     def _freer(self, found, evidence, prior):
         """Return a fit whose lens distorts or whose pixels are not square if evidence asks."""
+        tuning = TUNING.find
         for kind in FREEDOMS:
             freer = loosened(prior, kind)
             other = adjust(found.model, evidence, freer, scale=found.scale)
-            if found.cost - other.cost > self._least_gain(evidence):
+            least = tuning.column_gain if kind == 'cropped' else self._least_gain(evidence)
+            if found.cost - other.cost > least:
                 found, prior = adjust(other.model, evidence, freer), freer
         return found
 

@@ -240,6 +240,9 @@ class FindTuning(Constants):
         chosen('Undisturbed pairs gain up to .01; k1 = .02 gains .2.'))
     least_gain: float = constant(
         15.0, '1', 'Least such gain.', derived('Chance of a millionth.'))
+    column_gain: float = constant(
+        2.0, '1', 'Such a gain of a column of the center that is free: the pattern is cropped.',
+        derived('Two standard deviations of the prior.'))
     known: float = constant(
         3.0, 'px', 'Largest standard deviation of a prediction at other depths, px of the '
         'pattern.', chosen('The structure of the pattern is nine: dense matching finds it.'))
