@@ -12,6 +12,7 @@ HALF = TUNING.patches.half
 SIDE = 2 * HALF + 1
 COUNT = SIDE * SIDE
 DARK = F4(TUNING.patches.dark)
+SINGULAR = TUNING.patches.singular
 VALUES = 8  # of the image and of the pattern: two colors each; four derivatives of the pattern
 stack_patch = stack_array(F4, VALUES, COUNT)
 stack_sums = stack_array(np.float64, 16)
@@ -93,7 +94,7 @@ def color_matrix(values, sums):
         q10 += i1 * p0
         q11 += i1 * p1
     determinant = p00 * p11 - p01 * p01
-    if not determinant > 1e-4 * p00 * p11:
+    if not determinant > SINGULAR * p00 * p11:
         return False
     sums[0] = (q00 * p11 - q01 * p01) / determinant
     sums[1] = (q01 * p00 - q00 * p01) / determinant
@@ -163,7 +164,7 @@ def place_patches(k, image, pattern, pixels, places, affines, rounds, farthest, 
                 break
             normal_equations(values, sums)
             determinant = sums[4] * sums[6] - sums[5] * sums[5]
-            good = determinant > 1e-4 * sums[4] * sums[6]
+            good = determinant > SINGULAR * sums[4] * sums[6]
             if not good or turn == rounds:
                 break
             u += (sums[6] * sums[7] - sums[5] * sums[8]) / determinant

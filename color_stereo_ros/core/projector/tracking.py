@@ -25,6 +25,8 @@ class Track:
     """Whether the last pair shows the projector where the model says."""
     share: float = float('nan')
     """Share of the patches of the last pair that were found near their predicted places."""
+    usual: float = float('nan')
+    """What this share is in pairs that agree: shadows and a cropped pattern lower it."""
     shift: float = float('nan')
     """Median distance of these patches from their predicted places, px of the pattern."""
     reason: Reason | None = None
@@ -95,14 +97,17 @@ class ProjectorTracker:
             return missed(track)
         evidence, share, _ = placed(track.model, measured, self._colors(track.smoothing), where,
                                     tuning.rounds)
-        if len(evidence) < tuning.least_patches or share < tuning.least_share:
+        usual = track.usual if np.isfinite(track.usual) else share
+        if len(evidence) < tuning.least_patches or share < tuning.least_share * usual:
             return missed(track.but(share=share))
         shift = apart_from(track.model, evidence)
         if shift > max(tuning.bump, 2 * track.model.residual):
             model = self._again(track.model, evidence, measured)
         else:
             model = updated(track.model, evidence)
-        return track.but(model=model, agreeing=True, share=share, shift=shift, wait=0, tries=0)
+        usual += tuning.learning * (share - usual)
+        return track.but(model=model, agreeing=True, share=share, usual=usual, shift=shift,
+                         wait=0, tries=0)
 
     def search(self, track, measured, inside=None):
         """
@@ -130,7 +135,7 @@ class ProjectorTracker:
     def _again(self, model, evidence, measured):
         """Return the geometry of a projector that has moved a little: its lens is the same."""
         depth = float(np.median(evidence.points[:, 2]))
-        found = adjust(model, evidence, carried_prior(model, depth, posed=False))
+        found = adjust(model, evidence, carried_prior(model, depth))
         where = sites(measured, TUNING.track.spacing)
         return found.model.but(residual=apart_from(found.model, evidence),
                                matches=min(found.model.matches, len(where)))
