@@ -229,7 +229,7 @@ class FindTuning(Constants):
     most_sites: int = constant(
         4000, '1', 'Largest number of patches, about.', derived('Bounds the time.'))
     blurs: tuple = constant(
-        (0.5, 0.8, 1.2, 1.8, 2.7, 4.0), 'px', 'Standard deviations of the image\'s blur that are '
+        (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0), 'px', 'Standard deviations of the image\'s blur that are '
         'tried; a parabola goes between them.',
         chosen('A patch errs by .1 px under the right blur, by .4 px under one that is .5 px '
                'off.'))
