@@ -166,6 +166,7 @@ def test_patches_are_placed_as_by_loops(pattern):
     places = pixels @ affine.T + 200 + random.uniform(-1.5, 1.5, (4, 2))
     places[3] = 2.0, 2.0  # leaves the pattern
     result = np.zeros((4, 4))
+    image.flags.writeable = colors.flags.writeable = False
     place_patches(image, colors, pixels, places, np.tile(affine, (4, 1, 1)), 5, 6.0, result)
     expected = [naive.place_patch(image, colors, pixel, place, affine, 5, 6.0, HALF, float(DARK))
                 for pixel, place in zip(pixels, places)]

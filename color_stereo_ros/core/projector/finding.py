@@ -11,7 +11,7 @@ from .adjustment import (
 from .colors import color_map
 from .features import left_right_pairs, PatternFeatures
 from .model import ProjectorModel
-from .patches import affines, chromatic, placed, sites
+from .patches import affines, chromatic, placed, sites, warm
 from .starting import starts
 from .tuning import TUNING
 
@@ -74,7 +74,8 @@ class ProjectorFinder:
     """
 
     def __init__(self, pattern, size):
-        """Compute the features of the pattern."""
+        """Compute the features of the pattern and warm the kernel."""
+        warm()
         self.pattern = pattern
         self.size = pattern.shape[1], pattern.shape[0]
         self.image_size = size

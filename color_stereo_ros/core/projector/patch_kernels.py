@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ..compiled import band, banded, part, stack_array
+from ..compiled import part, serial, stack_array
 from .tuning import TUNING
 
 F4 = np.float32
@@ -132,8 +132,8 @@ def normal_equations(values, sums):
     sums[7], sums[8], sums[9], sums[10] = r0, r1, left, all_of_it
 
 
-@banded(fastmath=FAST)
-def place_patches(k, image, pattern, pixels, places, affines, rounds, farthest, result):
+@serial(fastmath=FAST)
+def place_patches(image, pattern, pixels, places, affines, rounds, farthest, result):
     """
     Find where in the pattern the patches around some pixels lie (Lucas and Kanade 1981).
 
@@ -144,13 +144,13 @@ def place_patches(k, image, pattern, pixels, places, affines, rounds, farthest, 
     Each chromaticity of the patch is a mix of both of the pattern, which is fitted anew in every
     round. result, float64 (N, 4): column and row, px of the pattern; standard deviation of
     either, px; share of the variance of the colors that the pattern explains. NaN where the patch
-    leaves the pattern, moves by more than `farthest` px, or has no structure.
+    leaves the pattern, moves by more than `farthest` px, or has no structure. Serial: a search runs
+    in a thread of its own, beside the parallel kernels of a method, and numba forbids two at once.
 
     """
-    first, last = band(k, pixels.shape[0])
     values, sums = stack_patch(), stack_sums()
     freedom = 2 * COUNT - 8
-    for n in range(first, last):
+    for n in range(pixels.shape[0]):
         result[n, :] = np.nan
         read_image(image, pixels[n, 0], pixels[n, 1], values)
         u, v = places[n, 0], places[n, 1]

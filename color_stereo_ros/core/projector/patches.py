@@ -176,6 +176,21 @@ def sites(measured, step):
                  measured.disparity_std[y, x].astype(np.float64))
 
 
+def warm():
+    """Compile the kernel, so that no pair waits for it."""
+    place_patches(_read_only(np.zeros((1, 1, 3), np.uint8)),
+                  _read_only(np.zeros((1, 1, 2), np.float32)), np.zeros((0, 2), np.int32),
+                  np.zeros((0, 2)), np.zeros((0, 2, 2)), TUNING.patches.rounds,
+                  TUNING.patches.farthest, np.zeros((0, 4)))
+
+
+def _read_only(image):
+    """Return a contiguous view that cannot be written: the kernel is compiled for this kind."""
+    view = np.ascontiguousarray(image).view()
+    view.flags.writeable = False
+    return view
+
+
 def chromatic(pattern, blur):
     """
     Return the two chromaticities of a pattern as an image sees it.
@@ -241,8 +256,9 @@ def placed(model, measured, colors, places, rounds=None):
     margin = HALF * np.abs(shape).sum(axis=2)
     last = np.array(model.size) - 1
     expected = ((start > margin) & (start < last - margin)).all(axis=1)
-    place_patches(measured.image, colors, places.pixels, np.ascontiguousarray(start),
-                  np.ascontiguousarray(shape), rounds or tuning.rounds, tuning.farthest, result)
+    place_patches(_read_only(measured.image), _read_only(colors), places.pixels,
+                  np.ascontiguousarray(start), np.ascontiguousarray(shape),
+                  rounds or tuning.rounds, tuning.farthest, result)
     explained = np.nan_to_num(result[:, 3])
     found = explained > tuning.explained
     sigma = np.hypot(tuning.correlated * result[found, 2], tuning.floor)

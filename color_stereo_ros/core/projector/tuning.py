@@ -289,11 +289,11 @@ class TrackTuning(Constants):
     """From pair to pair."""
 
     spacing: int = constant(
-        20, 'px', 'Distance of the patches.', chosen('Some 300 patches at 640 x 480.'))
+        22, 'px', 'Distance of the patches.', chosen('Some 200 patches at 640 x 480.'))
     most_sites: int = constant(
-        250, '1', 'Largest number of patches, about.', derived('Bounds the time to 2 ms.'))
+        150, '1', 'Largest number of patches, about.', derived('Bounds the time to 2 ms.'))
     rounds: int = constant(
-        4, '1', 'Steps of a patch.', chosen('They begin near their places.'))
+        3, '1', 'Steps of a patch.', chosen('They begin near their places.'))
     least_patches: int = constant(
         30, '1', 'Patches below which a pair says nothing.', derived('Five for each coordinate.'))
     least_share: float = constant(
