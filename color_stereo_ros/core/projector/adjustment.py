@@ -286,7 +286,8 @@ def whitened(evidence, model, slow):
     variance = evidence.sigma ** 2
     first = np.sqrt(variance + g[:, 0] ** 2)
     mixed = g[:, 0] * g[:, 1] / first
-    second = np.sqrt(np.maximum(variance + g[:, 1] ** 2 - mixed ** 2, TUNING.adjustment.rounding * variance))
+    least = TUNING.adjustment.rounding * variance
+    second = np.sqrt(np.maximum(variance + g[:, 1] ** 2 - mixed ** 2, least))
     residual[:, 0] /= first
     residual[:, 1] = (residual[:, 1] - mixed * residual[:, 0]) / second
     jacobian[:, 0] /= first[:, None]

@@ -31,8 +31,8 @@ class Reason(Enum):
              'is a picture of the pattern in the scene?')
     TWICE = ('projector not found: the pattern appears twice; is there a second projector, or a '
              'picture of the pattern?')
-    PICTURE = ('projector not found: the pattern is seen on one plane only, and other light around '
-               'it; is it a picture of the pattern?')
+    PICTURE = ('projector not found: the pattern is seen on one plane only, and other light '
+               'around it; is it a picture of the pattern?')
     FLAT = ('projector not found: the scene is too flat to tell where the projector stands; show '
             'it surfaces at different distances once')
 
@@ -78,7 +78,6 @@ class ProjectorFinder:
         warm()
         self.pattern = pattern
         self.size = pattern.shape[1], pattern.shape[0]
-        self.image_size = size
         self.features = PatternFeatures(pattern, size)
 
     def find(self, measured, inside=None, earlier=None):
@@ -276,7 +275,9 @@ class ProjectorFinder:
 
     @staticmethod
     def _residual(found, evidence):
-        """Return the median distance of the matches that agree, px of the pattern."""
+        """Return the median distance of the matches that agree, px of the pattern; inf: none."""
+        if not found.agree.any():
+            return float('inf')
         error = np.column_stack(found.model.project(evidence.points)) - evidence.places
         return float(np.median(np.hypot(*error[found.agree].T)))
 

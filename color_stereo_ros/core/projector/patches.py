@@ -206,7 +206,8 @@ def chromatic(pattern, blur):
     colors : numpy.ndarray, float32, shape (H', W', 2)
 
     """
-    light = cv2.GaussianBlur(pattern.astype(np.float32), (0, 0), max(blur, TUNING.patches.least_blur))
+    blur = max(blur, TUNING.patches.least_blur)
+    light = cv2.GaussianBlur(pattern.astype(np.float32), (0, 0), blur)
     r, g, b = cv2.split(light)
     share = 1 / (r + g + b + np.float32(TUNING.patches.dark))
     return np.ascontiguousarray(np.dstack([(r - g) * share,

@@ -77,7 +77,8 @@ class PriorTuning(Constants):
         4.0, '1', 'Factor of the covariance of an earlier pair.',
         derived('Twice the standard deviation: errors of one scene are not those of the next.'))
     drift: float = constant(
-        0.0003, '1', 'Standard deviation by which a lens changes until it is found again.', chosen('A warm projector: .3 px of the pattern.'))
+        0.0003, '1', 'Standard deviation by which a lens changes until it is found again.',
+        chosen('A warm projector: .3 px of the pattern.'))
     straight_std: float = constant(
         0.002, '1', 'Standard deviation of k1 where it may not.',
         derived('.1 px at the edge of the pattern.'))
@@ -229,8 +230,8 @@ class FindTuning(Constants):
     most_sites: int = constant(
         4000, '1', 'Largest number of patches, about.', derived('Bounds the time.'))
     blurs: tuple = constant(
-        (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0), 'px', 'Standard deviations of the image\'s blur that are '
-        'tried; a parabola goes between them.',
+        (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0), 'px', 'Blurs of the image that are tried, standard '
+        'deviations; a parabola goes between them.',
         chosen('A patch errs by .1 px under the right blur, by .4 px under one that is .5 px '
                'off.'))
     blur_sites: int = constant(
