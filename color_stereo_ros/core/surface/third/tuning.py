@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All constants of the third view: value, unit, reason and provenance of each."""
+
+from dataclasses import dataclass
+
+from ...constants import chosen, constant, Constants, derived
+
+
+@dataclass(frozen=True)
+class ColorTuning(Constants):
+    """What the left camera sees of the pattern."""
+
+    margin: float = constant(
+        2.0, 'px', 'Border of the pattern that lights nothing reliably.',
+        derived('Two deviations of the blur of a sharp lens.'), compiled=True)
+    least_light: float = constant(
+        1e-6, '1', 'Smallest sum of the channels of the pattern.',
+        derived('Prevents division by 0; a white pixel has 3.'), compiled=True)
+    samples: int = constant(
+        4000, '1', 'Nodes from which the map of the colors is fitted, at most.',
+        chosen('Twelve numbers are known to a thousandth; the fit takes 1 ms.'))
+    least_samples: int = constant(
+        300, '1', 'Known nodes below which the third view takes no part.',
+        chosen('Less than .5 % of the nodes of a VGA pair say nothing about all others.'))
+    turns: int = constant(
+        3, '1', 'Rounds of reweighting of the map of the colors.',
+        chosen('The fourth changes less than a thousandth.'))
+    robust: float = constant(
+        4.0, '1', 'Squared error at which a node has half of its weight, medians.',
+        chosen('Colored surfaces must not decide what white ones look like.'))
+    color_prior: float = constant(
+        1e-4, '1', 'Hold of the map of the colors towards equal channels, share of the evidence.',
+        chosen('The sum of the channels of the default pattern is constant: the offset alone '
+               'would not be determined.'))
+    least_total: float = constant(
+        0.02, '1', 'Smallest brightness of the predicted color, white = 3.',
+        derived('Prevents division by 0.'))
+    radii: tuple = constant(
+        (24, 6, 2), 'coarse nodes', 'Radii of the windows from which local colors are measured.',
+        chosen('A material, a part, a print; each holds where the next one knows nothing.'))
+    holds: tuple = constant(
+        (2.0, 4.0, 8.0), '1', 'Hold of the local colors towards those of the larger window.',
+        chosen('A node of usual noise weighs 400 times its share of a window.'))
+    robust_misfit: float = constant(
+        9.0, '1', 'Squared error over variance at which a node has half of its weight.',
+        derived('As `planes.robust_misfit`.'))
+    change_limits: tuple = constant(
+        ((-2.5, 2.5), (-2.5, 2.5), (-1.5, 0.2)), '1', 'Limits of the logarithms of red against '
+        'green, blue against green, and of the share of the color.',
+        chosen('A surface that returns less than a twelfth of a channel is no match.'))
+    unrest_radius: int = constant(
+        4, 'coarse nodes', 'Radius of the windows over which the error of the colors is averaged.',
+        chosen('A surface with print has it everywhere.'))
+    unrest_limit: float = constant(
+        60.0, '1', 'Largest factor of the variance.', chosen('Beyond, nothing is told.'))
+
+
+@dataclass(frozen=True)
+class SearchTuning(Constants):
+    """The coarse search over all disparities."""
+
+    guard_cost: int = constant(
+        8000, 'cost of 8 nodes', 'Path cost that loses against any other and leaves room to add.',
+        derived('As `coarse.guard_cost`.'))
+    known_slope: float = constant(
+        0.25, 'cost_cap', 'Cost of a known node per disparity away from what stereo knows.',
+        chosen('Four steps away cost as much as a color that is quite different.'))
+    rival_distance: int = constant(
+        3, 'steps', 'Distance from which another disparity is a rival.',
+        derived('As `repetition.rival_distance`.'))
+    blur: float = constant(
+        1.15, 'px', 'Standard deviation of the mean over a coarse node of 4 px.',
+        derived('4 / 12^.5.'))
+    spacing: float = constant(
+        1.0, 'coarse nodes', 'How far neighbors of the compared disparities move the place.',
+        chosen('Colors at places between two of them are close to one of both.'))
+
+
+@dataclass(frozen=True)
+class UseTuning(Constants):
+    """When the third view takes part, and where."""
+
+    firm_odds: float = constant(
+        2.2, '1', 'Log-odds from which a disparity of the two cameras is known.',
+        derived('A probability of .9.'))
+    firm_misfit: float = constant(
+        4.0, '1', 'Mean misfit of 3 x 3 nodes up to which the third view agrees.',
+        chosen('2 on average where a plane is right; .5 % of the right ones exceed 4.'))
+    least_agreement: float = constant(
+        0.5, '1', 'Share of the known nodes that must agree, or the third view takes no part.',
+        chosen('A pattern that is not the one shown agrees nowhere.'))
+    lens_variance: float = constant(
+        0.35, 'px^2', 'Variance of the point spread of lens and projector together.',
+        derived('.5 px of a good lens, and .4 px of the projector at 1.7 px per pixel.'))
+    phase_variance: float = constant(
+        0.04, 'px^2', 'Variance of the place of a color in the left image.',
+        derived('As `pair.phase_variance`.'))
+    misfit_cap: float = constant(
+        60.0, '1', 'Largest misfit of one node.', derived('As `neighbors.misfit_cap`.'))
+    steps: tuple = constant(
+        ((8, 3), (1,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
+        chosen('Two rounds, from far to near.'))
+    robust_misfit: float = constant(
+        9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',
+        derived('As `planes.robust_misfit`.'))
+
+
+@dataclass(frozen=True)
+class ThirdTuning(Constants):
+    """All groups."""
+
+    color: ColorTuning = ColorTuning()
+    search: SearchTuning = SearchTuning()
+    use: UseTuning = UseTuning()
+
+
+TUNING = ThirdTuning()

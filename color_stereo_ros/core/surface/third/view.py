@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pattern as a view: measures where the right camera sees nothing, and bears witness."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
+from ..planes import LeastSquares, PlaneField
+from ..quality import Quality
+from .colors import fitted_colors, Light, local_light
+from .search import SweepSearch
+from .sweep import magnification, places_per_disparity, straightened, sweep_matrix
+from .sweep_kernels import linearize_sweep, pattern_colors, sweep_misfits, take_better
+from .tuning import TUNING
+
+NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Projected:
+    """What a ProjectorModel says about one rig; made once."""
+
+    model: object
+    sweep: np.ndarray
+    """float32 (3, 4), see `sweep.sweep_matrix`."""
+    image: np.ndarray
+    """float32 (H, W, 3), the light of the pattern as blurred as nodes see it."""
+    coarse_image: np.ndarray
+    """The same as coarse nodes see it."""
+    per_disparity: float
+    """How many pixels of the left image a disparity of 1 px moves the place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the third view makes of a pair; framed arrays of the nodes."""
+
+    planes: PlaneField
+    """Of the third view; tiles that need none keep those of the two cameras."""
+    firm: np.ndarray
+    """bool, the two cameras know the place and the third view agrees."""
+    witness: np.ndarray
+    """float32, mean misfit of the third view around a node at the place of the two cameras."""
+    treated: np.ndarray
+    """bool, planes hold a measurement of the third view."""
+
+
+class ThirdView:
+    """
+    Measures with left camera and projector.
+
+    Parameters
+    ----------
+    method : SurfaceMethod
+        Whose grid, limits, coarse search and settings are shared.
+    arena : Arena
+
+    """
+
+    def __init__(self, method, arena):
+        """Allocate the planes."""
+        self.views, self.geometry, self.limits = method.views, method.geometry, method.limits
+        self.coarse, self.settings = method.coarse, method.settings
+        grid = self.grid = method.views.grid
+        self.arena = arena
+        self.planes = PlaneField(grid, method.tuning.coarse.seed_variance, True, arena)
+        self.seen = PlaneField(grid, method.tuning.coarse.seed_variance, True, arena)
+        self.solver = LeastSquares(grid, method.limits, method.settings.matching,
+                                   method.tuning.planes, arena)
+        self.witness_solver = LeastSquares(grid, method.limits, method.settings.matching,
+                                           method.tuning.planes, arena)
+        self.quality = Quality(grid, method.tuning.quality, arena)
+        self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
+        self.projected = self.search = None
+
+    def adopt(self, model, pattern):
+        """
+        Measure with a projector from here on.
+
+        Parameters
+        ----------
+        model : ProjectorModel or None
+        pattern : numpy.ndarray, uint8, shape (H, W, 3)
+            Linear light.
+
+        """
+        if model is None:
+            self.projected = None
+            return
+        middle = float(np.mean(self.limits))
+        sweep = sweep_matrix(model, self.geometry)
+        scale = magnification(sweep, self.geometry, middle)
+        per_disparity = places_per_disparity(sweep, self.geometry, middle) / scale
+        known = self.views.left.psf_variance
+        variance = float(np.nanmedian(known)) + TUNING.use.lens_variance
+        light = straightened(pattern, model)
+        image = cv2.GaussianBlur(light, (0, 0), scale * np.sqrt(variance))
+        step = 2 * self.coarse.factor
+        wide = np.sqrt(variance + (step / 4 * TUNING.search.blur) ** 2)
+        coarse_image = cv2.GaussianBlur(light, (0, 0), scale * wide)
+        self.projected = Projected(model, sweep.astype(F4), image, coarse_image, per_disparity)
+        spacing = TUNING.search.spacing * step / max(per_disparity, 0.1)
+        self.search = SweepSearch(self.coarse, self.limits, float(spacing), self.arena)
+
+    def measure(self, planes, verdict, linearized, noise_weight):
+        """
+        Measure the pair that the views hold.
+
+        Parameters
+        ----------
+        planes : PlaneField
+            Of the two cameras.
+        verdict : Verdict
+            Of the two cameras.
+        linearized : Linearized
+            Of the two cameras, at about these planes.
+        noise_weight : PairModel
+
+        Returns
+        -------
+        found : Found or None
+            None: the pattern does not explain what the left camera sees.
+
+        """
+        use, inner = TUNING.use, self.grid.inner
+        known = verdict.log_odds[inner] > F4(use.firm_odds)
+        light = self.light(planes, known)
+        if light is None:
+            return None
+        self.linearize(self.witness_solver, planes, light, self.grid.tiles, self.seen.misfit)
+        witness = self.around(self.seen.misfit)
+        firm = np.zeros(self.grid.shape, bool)
+        firm[inner] = known & (witness[inner] < F4(use.firm_misfit))
+        if np.count_nonzero(firm) < use.least_agreement * np.count_nonzero(known):
+            return None
+        lit = np.zeros(self.grid.shape, bool)
+        left = self.views.left
+        lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
+        tiles = self.tiles_with(lit & ~firm)
+        self.fill(planes, firm, light, linearized, noise_weight, tiles)
+        return Found(self.planes, firm, witness, self.mask_of(tiles) & lit)
+
+    def light(self, planes, known):
+        """Return the Light that the known nodes show, None where there are too few."""
+        tuning, inner, left = TUNING.color, self.grid.inner, self.views.left
+        step = self.coarse.factor
+        shape = self.coarse.disparity.shape
+        sampled = np.empty((3, *shape), F4)
+        pattern_colors(self.projected.image, self.projected.sweep, planes.d, step, sampled)
+        thin = np.s_[:shape[0] * step:step, :shape[1] * step:step]
+        u, v, variance = (each[inner][thin] for each in (left.u, left.v, left.variance))
+        used = known[thin] & np.isfinite(sampled[0]) & (variance < SILENT_VARIANCE)
+        count = np.count_nonzero(used)
+        if count < tuning.least_samples:
+            return None
+        some = np.flatnonzero(used)[::max(1, count // tuning.samples)]
+        colors = fitted_colors(u.ravel()[some], v.ravel()[some],
+                               sampled.reshape(3, -1)[:, some],
+                               1 / variance.ravel()[some].astype(np.float64))
+        local, error = local_light(u, v, sampled, colors, variance, used)
+        scale = F4(max(np.percentile(error[used], 25) / 0.575, 0.2))
+        size = (2 * tuning.unrest_radius + 1,) * 2
+        share = cv2.blur(used.astype(F4), size)
+        unrest = cv2.blur(np.minimum(error, F4(tuning.unrest_limit) * scale), size) / np.maximum(
+            share, F4(1e-3))
+        unrest = np.where(share > 0.02, unrest / (2 * scale), 1)
+        unrest = np.clip(unrest, 1, F4(tuning.unrest_limit)).astype(F4)
+        self.coarse_light = local
+        return Light(colors, np.stack([self.framed(each) for each in local]),
+                     self.framed(unrest), scale)
+
+    def framed(self, samples):
+        """Return coarse samples at all nodes, framed float32."""
+        out = np.ones(self.grid.shape, F4)
+        out[self.grid.inner] = cv2.resize(samples, self.grid.nodes[::-1],
+                                          interpolation=cv2.INTER_LINEAR)
+        return out
+
+    def linearize(self, solver, planes, light, tiles, misfit):
+        """Write solver.linearized and misfit, framed, of some tiles at planes."""
+        left, projected = self.views.left, self.projected
+        linearize_sweep(left.u, left.v, left.variance, projected.image, light.colors, light.local,
+                        light.unrest, projected.sweep, planes.d, tiles,
+                        F4(TUNING.use.robust_misfit), light.scale, self.phase, solver.reference,
+                        solver.linearized.weight, solver.linearized.moment, misfit)
+        return solver.linearized
+
+    @property
+    def phase(self):
+        """Return the variance of a place as a variance of the disparity, px^2."""
+        return F4(TUNING.use.phase_variance / self.projected.per_disparity ** 2)
+
+    @staticmethod
+    def around(misfit):
+        """Return the mean misfit of 3 x 3 nodes, capped, float32."""
+        cap = F4(TUNING.use.misfit_cap)
+        return cv2.blur(np.fmin(misfit, cap), (3, 3))
+
+    def tiles_with(self, nodes):
+        """Return the tiles that hold some of the nodes, int32 (N, 2)."""
+        tiles = self.grid.tiles
+        sums = nodes[tiles[0, 0]:tiles[-1, 0] + TILE_ROWS, tiles[0, 1]:tiles[-1, 1] + TILE_COLUMNS]
+        count = sums.reshape(sums.shape[0] // TILE_ROWS, TILE_ROWS, -1, TILE_COLUMNS).sum(
+            axis=(1, 3))
+        return np.ascontiguousarray(tiles[count.ravel() > 0])
+
+    def mask_of(self, tiles):
+        """Return which nodes lie in some tiles, bool framed."""
+        mask = np.zeros(self.grid.shape, bool)
+        for top, left in tiles:
+            mask[top:top + TILE_ROWS, left:left + TILE_COLUMNS] = True
+        return mask
+
+    def fill(self, planes, firm, light, linearized, pair, tiles):
+        """Search and fit the nodes of some tiles; firm nodes anchor them."""
+        mine, solver = self.planes, self.solver
+        seeds = self.search.search(
+            self.projected.coarse_image, light.colors, self.coarse_light,
+            self.coarse_known(planes, firm), self.projected.sweep)
+        mine.seed(seeds)
+        for own, given in zip((mine.d, mine.a, mine.b), (planes.d, planes.a, planes.b)):
+            np.copyto(own, given, where=firm)
+        self.propagate(light, tiles, TUNING.use.steps[0])
+        for turn in range(2):
+            self.fit(light, linearized, firm, pair, tiles, turn)
+            self.propagate(light, tiles, TUNING.use.steps[1])
+        self.fit(light, linearized, firm, pair, tiles, 2)
+        self.linearize(solver, mine, light, tiles, mine.misfit)
+
+    def fit(self, light, linearized, firm, pair, tiles, turn):
+        """Fit the planes of some tiles; firm nodes tell what the two cameras know, too."""
+        mine, solver = self.planes, self.solver
+        own = self.linearize(solver, mine, light, tiles, mine.misfit)
+        own.weight[firm] += linearized.weight[firm]
+        own.moment[firm] += linearized.moment[firm]
+        solver.fit(own, self.views, mine, pair, tiles, turn)
+
+    def propagate(self, light, tiles, steps):
+        """Let the nodes of some tiles try the planes of their neighbors."""
+        left, projected, mine = self.views.left, self.projected, self.planes
+        cap = F4(TUNING.use.misfit_cap)
+        kernel = np.ones((3, 3), np.uint8)
+
+        def windows(step_y, step_x):
+            sweep_misfits(left.u, left.v, left.variance, projected.image, light.colors,
+                          light.local, light.unrest, projected.sweep, mine.d, mine.a, mine.b,
+                          step_y, step_x, tiles, light.scale, self.phase, cap, self.cost)
+            return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel)
+
+        for step in steps:
+            self.cost.fill(cap)
+            best = windows(0, 0)
+            tried = [(dy * step, dx * step) for dy, dx in NEIGHBORS]
+            costs = [windows(*each) for each in tried]
+            with mine.rewriting(keep_unwritten=True) as (old, new):
+                for (dy, dx), cost in zip(tried, costs):
+                    take_better(old.d, old.a, old.b, dy, dx, tiles, cost, best, new.d, new.a,
+                                new.b)
+            mine.cost[...] = best
+
+    def coarse_known(self, planes, firm):
+        """Return the disparity of the coarse nodes that are firm, px, float32; NaN elsewhere."""
+        f = self.coarse.factor
+        h, w = self.coarse.disparity.shape
+        area = np.s_[:h * f, :w * f]
+        inner = self.grid.inner
+        ok = firm[inner][area].reshape(h, f, w, f)
+        d = np.where(firm[inner], planes.d[inner], 0)[area].reshape(h, f, w, f)
+        count = ok.sum(axis=(1, 3))
+        mean = d.sum(axis=(1, 3)) / np.maximum(count, 1)
+        return np.where(count == f * f, mean, np.nan).astype(F4)
