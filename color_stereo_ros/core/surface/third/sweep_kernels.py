@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from ...compiled import band, banded, part
+from ...compiled import band, banded, part, serial
 from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS, U4
 from .tuning import TUNING
 
@@ -360,3 +360,50 @@ def cheapest_disparities(k, total, distance, best, gap):
                     place += F4(0.5) * F4(before - after) / F4(rise)
             best[y, x] = place
             gap[y, x] = F4(rival - least)
+
+
+@serial(fastmath=FAST)
+def claim_places(d, odds, sweep, rows, columns, cell, best, owner):
+    """
+    Let every node claim the place of the pattern that lights it; the one of the best odds gets it.
+
+    best, float32 (h, w), takes the odds and owner, float32 (h, w), the disparity of the node that
+    gets a cell of `cell` pixels of the pattern; -inf and NaN where nobody claims it.
+
+    """
+    best[:] = -F4(np.inf)
+    owner[:] = NAN
+    height, width = best.shape
+    for row in range(rows):
+        for column in range(columns):
+            here = d[row + PAD, column + PAD]
+            u, v, _, _ = place_of(sweep, F4(2 * column) + F4(0.5), F4(2 * row) + F4(0.5), here)
+            if (u >= F4(0)) & (v >= F4(0)):
+                i, j = I4(u / cell), I4(v / cell)
+                if (i < width) & (j < height):
+                    if odds[row, column] > best[j, i]:
+                        best[j, i] = odds[row, column]
+                        owner[j, i] = here
+
+
+@banded(fastmath=FAST)
+def find_contested(k, d, sweep, rows, columns, cell, distance, best, owner, contested):
+    """
+    Write the odds of another surface that claims the same place of the pattern, at least 0.
+
+    Another surface differs by more than `distance`, px, in disparity. contested is float32 (rows,
+    columns).
+
+    """
+    height, width = best.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        for column in range(columns):
+            here = d[row + PAD, column + PAD]
+            u, v, _, _ = place_of(sweep, F4(2 * column) + F4(0.5), F4(2 * row) + F4(0.5), here)
+            contested[row, column] = F4(0)
+            if (u >= F4(0)) & (v >= F4(0)):
+                i, j = I4(u / cell), I4(v / cell)
+                if (i < width) & (j < height):
+                    if abs(owner[j, i] - here) > distance:
+                        contested[row, column] = max(best[j, i], F4(0))

@@ -97,6 +97,32 @@ class UseTuning(Constants):
         derived('As `pair.phase_variance`.'))
     misfit_cap: float = constant(
         60.0, '1', 'Largest misfit of one node.', derived('As `neighbors.misfit_cap`.'))
+    variance_cap: float = constant(
+        4.0, 'px^2', 'Largest variance that counts as evidence.', derived('Nothing is told.'))
+    distance_cap: float = constant(
+        2.0, 'px', 'Largest distance of a neighbor that counts as evidence.',
+        derived('As `trust.distance_cap`.'))
+    odds_limits: tuple = constant(
+        (-8.0, 14.0), '1', 'Limits of the log-odds that are weighed against each other.',
+        chosen('Below, a plane is wrong for certain.'))
+    agreement: float = constant(
+        1.0, 'px', 'Difference of two planes up to which they agree.',
+        derived('What is right means.'))
+    cell: float = constant(
+        1.0, 'nodes', 'Size of the places of the pattern that only one surface can claim.',
+        derived('Neighbors on one surface are one node apart.'))
+    contest_distance: float = constant(
+        2.0, 'px', 'Difference of disparity from which two nodes are different surfaces.',
+        chosen('A surface changes by less from node to node.'))
+    dim_radius: int = constant(
+        12, 'coarse nodes', 'Radius of the surroundings with which brightness is compared.',
+        chosen('Wider than most shadows.'))
+    kept_odds: float = constant(
+        0.0, '1', 'Log-odds from which the plane of the two cameras is kept where both agree.',
+        chosen('The right camera is nearer to the left one in color than the pattern.'))
+    variance_factor: float = constant(
+        2.0, '1', 'Factor of the variance of a plane of the third view.',
+        chosen('Neighbors share noise.'))
     steps: tuple = constant(
         ((8, 3), (1,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
         chosen('Two rounds, from far to near.'))

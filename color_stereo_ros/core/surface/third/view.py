@@ -10,6 +10,7 @@ from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..planes import LeastSquares, PlaneField
 from ..quality import Quality
 from .colors import fitted_colors, Light, local_light
+from .fusion import Fusion
 from .search import SweepSearch
 from .sweep import magnification, places_per_disparity, straightened, sweep_matrix
 from .sweep_kernels import linearize_sweep, pattern_colors, sweep_misfits, take_better
@@ -29,6 +30,8 @@ class Projected:
     """float32 (H, W, 3), the light of the pattern as blurred as nodes see it."""
     coarse_image: np.ndarray
     """The same as coarse nodes see it."""
+    scale: float
+    """Pixels of the pattern that light one pixel of the left image."""
     per_disparity: float
     """How many pixels of the left image a disparity of 1 px moves the place."""
 
@@ -45,6 +48,13 @@ class Found:
     """float32, mean misfit of the third view around a node at the place of the two cameras."""
     treated: np.ndarray
     """bool, planes hold a measurement of the third view."""
+    around: np.ndarray
+    """float32, mean misfit of the third view around a node at its own plane."""
+    std: np.ndarray
+    """float32, standard deviation of the disparities of the third view, px."""
+    dim: np.ndarray
+    """float32 (rows, columns), log of how much brighter the known surroundings are, 0 .. 5."""
+    projected: Projected
 
 
 class ThirdView:
@@ -73,7 +83,8 @@ class ThirdView:
                                            method.tuning.planes, arena)
         self.quality = Quality(grid, method.tuning.quality, arena)
         self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
-        self.projected = self.search = None
+        self.projected = self.search = self.found = None
+        self.fusion = Fusion(grid)
 
     def adopt(self, model, pattern):
         """
@@ -100,11 +111,12 @@ class ThirdView:
         step = 2 * self.coarse.factor
         wide = np.sqrt(variance + (step / 4 * TUNING.search.blur) ** 2)
         coarse_image = cv2.GaussianBlur(light, (0, 0), scale * wide)
-        self.projected = Projected(model, sweep.astype(F4), image, coarse_image, per_disparity)
+        self.projected = Projected(model, sweep.astype(F4), image, coarse_image, scale,
+                                   per_disparity)
         spacing = TUNING.search.spacing * step / max(per_disparity, 0.1)
         self.search = SweepSearch(self.coarse, self.limits, float(spacing), self.arena)
 
-    def measure(self, planes, verdict, linearized, noise_weight):
+    def measure(self, planes, verdict, linearized, pair):
         """
         Measure the pair that the views hold.
 
@@ -116,7 +128,7 @@ class ThirdView:
             Of the two cameras.
         linearized : Linearized
             Of the two cameras, at about these planes.
-        noise_weight : PairModel
+        pair : PairModel
 
         Returns
         -------
@@ -139,8 +151,33 @@ class ThirdView:
         left = self.views.left
         lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
         tiles = self.tiles_with(lit & ~firm)
-        self.fill(planes, firm, light, linearized, noise_weight, tiles)
-        return Found(self.planes, firm, witness, self.mask_of(tiles) & lit)
+        self.fill(planes, firm, light, linearized, pair, tiles)
+        return Found(self.planes, firm, witness, self.mask_of(tiles) & lit,
+                     self.around(self.planes.misfit), self.std(), self.dim(firm),
+                     self.projected)
+
+    def fused(self, planes, verdict, linearized, pair):
+        """Return the Fused of two cameras and the pattern, None where it explains nothing."""
+        found = self.found = self.measure(planes, verdict, linearized, pair)
+        return None if found is None else self.fusion.fuse(found, verdict, planes)
+
+    def dim(self, firm):
+        """Return the log of how much brighter firm nodes around are, float32 (rows, columns)."""
+        f, (h, w) = self.coarse.factor, self.coarse.disparity.shape
+        thin = np.s_[:h * f:f, :w * f:f]
+        level = np.log(np.maximum(self.views.left.s[self.grid.inner], F4(1)))
+        known = firm[self.grid.inner][thin].astype(F4)
+        size = (2 * TUNING.use.dim_radius + 1,) * 2
+        share = cv2.blur(known, size, borderType=cv2.BORDER_CONSTANT)
+        wide = cv2.blur(level[thin] * known, size, borderType=cv2.BORDER_CONSTANT)
+        overall = np.sum(level[thin] * known) / max(np.sum(known), 1)
+        hold = F4(0.02)
+        usual = (wide + hold * F4(overall)) / (share + hold)
+        return np.clip(cv2.resize(usual, self.grid.nodes[::-1]) - level, 0, 5).astype(F4)
+
+    def std(self):
+        """Return the standard deviations of the planes of the third view, px, float32 framed."""
+        return np.sqrt(F4(TUNING.use.variance_factor) * self.planes.variance)
 
     def light(self, planes, known):
         """Return the Light that the known nodes show, None where there are too few."""
