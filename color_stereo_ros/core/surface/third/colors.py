@@ -80,6 +80,14 @@ def fitted_colors(u, v, light, weight):
     return colors.astype(F4)
 
 
+def explained(u, v, light, colors, known):
+    """Return the share of the spread of the known colors that the pattern explains, by medians."""
+    seen_u, seen_v = chromaticity(mixed(colors, light[:, known]))
+    u, v = u[known], v[known]
+    error = np.median((u - seen_u) ** 2 + (v - seen_v) ** 2)
+    return 1 - error / np.median((u - np.median(u)) ** 2 + (v - np.median(v)) ** 2)
+
+
 def local_light(u, v, light, colors, variance, known):
     """
     Return what surfaces make of the colors, from coarse to fine, on a grid.

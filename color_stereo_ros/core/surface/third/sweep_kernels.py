@@ -95,9 +95,9 @@ def seen_color(image, colors, light_r, light_b, gray, u, v, du, dv):
 
 @banded(fastmath=FAST)
 def linearize_sweep(k, left_u, left_v, left_var, image, colors, light, unrest, sweep, d, tiles,
-                    robust_misfit, scale, phase, reference, weight, moment, misfit):
+                    region, robust_misfit, scale, phase, reference, weight, moment, misfit):
     """
-    Compare the nodes of some tiles with the pattern, and linearize there.
+    Compare the nodes of some tiles with the pattern, and linearize there; only those in region.
 
     As `plane_kernels.linearize`; the pattern has no noise. The variance of a color is scale unrest
     left_var + phase g.g. light, float32 (3, framed): red and blue against green, and the share of
@@ -110,13 +110,15 @@ def linearize_sweep(k, left_u, left_v, left_var, image, colors, light, unrest, s
         top, left = tiles[tile, 0], tiles[tile, 1]
         for y in range(top, top + TILE_ROWS):
             for x in range(left, left + TILE_COLUMNS):
+                weight[y, x] = F4(0)
+                moment[y, x] = F4(0)
+                misfit[y, x] = NAN
+                if not region[y, x]:
+                    continue
                 here = d[y, x]
                 u, v, du, dv = place_of(sweep, F4(2 * (x - PAD)) + F4(0.5),
                                         F4(2 * (y - PAD)) + F4(0.5), here)
                 noise = left_var[y, x]
-                weight[y, x] = F4(0)
-                moment[y, x] = F4(0)
-                misfit[y, x] = NAN
                 if within(image, u, v) & (noise < SILENT_VARIANCE):
                     color_u, color_v, slope_u, slope_v = seen_color(
                         image, colors, light[0, y, x], light[1, y, x], light[2, y, x], u, v, du,
@@ -136,11 +138,11 @@ def linearize_sweep(k, left_u, left_v, left_var, image, colors, light, unrest, s
 
 @banded(fastmath=FAST)
 def sweep_misfits(k, left_u, left_v, left_var, image, colors, light, unrest, sweep, d, a, b,
-                  step_y, step_x, tiles, scale, phase, cap, out):
+                  step_y, step_x, tiles, region, scale, phase, cap, out):
     """
     Write the misfit of every node of some tiles under the plane of the node (step_y, step_x) away.
 
-    At most cap, which also stands for what is unknown.
+    At most cap, which also stands for what is unknown or not in region.
 
     """
     first, last = band(k, tiles.shape[0])
@@ -148,10 +150,12 @@ def sweep_misfits(k, left_u, left_v, left_var, image, colors, light, unrest, swe
         top, left = tiles[tile, 0], tiles[tile, 1]
         for y in range(top, top + TILE_ROWS):
             for x in range(left, left + TILE_COLUMNS):
+                out[y, x] = cap
+                if not region[y, x]:
+                    continue
                 there_y, there_x = y + step_y, x + step_x
                 here = (d[there_y, there_x] - a[there_y, there_x] * F4(step_x)
                         - b[there_y, there_x] * F4(step_y))
-                out[y, x] = cap
                 u, v, du, dv = place_of(sweep, F4(2 * (x - PAD)) + F4(0.5),
                                         F4(2 * (y - PAD)) + F4(0.5), here)
                 noise = left_var[y, x]

@@ -48,6 +48,15 @@ class ColorTuning(Constants):
         ((-2.5, 2.5), (-2.5, 2.5), (-1.5, 0.2)), '1', 'Limits of the logarithms of red against '
         'green, blue against green, and of the share of the color.',
         chosen('A surface that returns less than a twelfth of a channel is no match.'))
+    quartile: float = constant(
+        0.575, '1', 'First quartile of the misfit of true matches under known noise.',
+        derived('Chi-square with two degrees of freedom: 2 ln(4 / 3).'))
+    least_scale: float = constant(
+        0.2, '1', 'Smallest factor of the variance of the colors.',
+        chosen('The pattern has no noise: a good camera gives .25.'))
+    least_share: float = constant(
+        0.02, '1', 'Share of known nodes in a window from which they tell something.',
+        chosen('A few nodes are chance.'))
     unrest_radius: int = constant(
         4, 'coarse nodes', 'Radius of the windows over which the error of the colors is averaged.',
         chosen('A surface with print has it everywhere.'))
@@ -71,8 +80,11 @@ class SearchTuning(Constants):
     blur: float = constant(
         1.15, 'px', 'Standard deviation of the mean over a coarse node of 4 px.',
         derived('4 / 12^.5.'))
+    least_ratio: float = constant(
+        0.1, '1', 'Smallest movement of the place per disparity with which the search counts.',
+        derived('A projector beside the left camera tells no distance.'))
     spacing: float = constant(
-        1.0, 'coarse nodes', 'How far neighbors of the compared disparities move the place.',
+        1.25, 'coarse nodes', 'How far neighbors of the compared disparities move the place.',
         chosen('Colors at places between two of them are close to one of both.'))
 
 
@@ -84,11 +96,19 @@ class UseTuning(Constants):
         2.2, '1', 'Log-odds from which a disparity of the two cameras is known.',
         derived('A probability of .9.'))
     firm_misfit: float = constant(
-        4.0, '1', 'Mean misfit of 3 x 3 nodes up to which the third view agrees.',
-        chosen('2 on average where a plane is right; .5 % of the right ones exceed 4.'))
+        9.0, '1', 'Mean misfit of 3 x 3 nodes up to which the third view agrees.',
+        chosen('2 on average where a plane is right; 5 % of the right ones exceed 9, beside edges '
+               'and on print.'))
     least_agreement: float = constant(
         0.5, '1', 'Share of the known nodes that must agree, or the third view takes no part.',
         chosen('A pattern that is not the one shown agrees nowhere.'))
+    least_explained: float = constant(
+        0.6, '1', 'Share of the spread of the colors that the pattern must explain.',
+        chosen('The right pattern explains .9 and more of gray and colored surfaces, a wrong one '
+               'nothing.'))
+    reach: int = constant(
+        4, 'nodes', 'How far around nodes without a certain range the third view measures.',
+        derived('Half of the window of a plane.'))
     lens_variance: float = constant(
         0.35, 'px^2', 'Variance of the point spread of lens and projector together.',
         derived('.5 px of a good lens, and .4 px of the projector at 1.7 px per pixel.'))
@@ -124,7 +144,7 @@ class UseTuning(Constants):
         2.0, '1', 'Factor of the variance of a plane of the third view.',
         chosen('Neighbors share noise.'))
     steps: tuple = constant(
-        ((8, 3), (1,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
+        ((4,), (1,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
         chosen('Two rounds, from far to near.'))
     robust_misfit: float = constant(
         9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...compiled import Arena
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..planes import LeastSquares, PlaneField
 from ..quality import Quality
-from .colors import fitted_colors, Light, local_light
+from .colors import explained, fitted_colors, Light, local_light
 from .fusion import Fusion
 from .search import SweepSearch
 from .sweep import magnification, places_per_disparity, straightened, sweep_matrix
@@ -83,6 +84,7 @@ class ThirdView:
                                            method.tuning.planes, arena)
         self.quality = Quality(grid, method.tuning.quality, arena)
         self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
+        self.everywhere = np.ones(grid.shape, bool)
         self.projected = self.search = self.found = None
         self.fusion = Fusion(grid)
 
@@ -113,8 +115,8 @@ class ThirdView:
         coarse_image = cv2.GaussianBlur(light, (0, 0), scale * wide)
         self.projected = Projected(model, sweep.astype(F4), image, coarse_image, scale,
                                    per_disparity)
-        spacing = TUNING.search.spacing * step / max(per_disparity, 0.1)
-        self.search = SweepSearch(self.coarse, self.limits, float(spacing), self.arena)
+        spacing = TUNING.search.spacing * step / max(per_disparity, TUNING.search.least_ratio)
+        self.search = SweepSearch(self.coarse, self.limits, float(spacing), Arena())
 
     def measure(self, planes, verdict, linearized, pair):
         """
@@ -141,7 +143,8 @@ class ThirdView:
         light = self.light(planes, known)
         if light is None:
             return None
-        self.linearize(self.witness_solver, planes, light, self.grid.tiles, self.seen.misfit)
+        self.linearize(self.witness_solver, planes, light, self.grid.tiles, self.everywhere,
+                       self.seen.misfit)
         witness = self.around(self.seen.misfit)
         firm = np.zeros(self.grid.shape, bool)
         firm[inner] = known & (witness[inner] < F4(use.firm_misfit))
@@ -150,9 +153,9 @@ class ThirdView:
         lit = np.zeros(self.grid.shape, bool)
         left = self.views.left
         lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
-        tiles = self.tiles_with(lit & ~firm)
-        self.fill(planes, firm, light, linearized, pair, tiles)
-        return Found(self.planes, firm, witness, self.mask_of(tiles) & lit,
+        region = self.region_of(lit & ~firm)
+        self.fill(planes, firm, light, linearized, pair, region)
+        return Found(self.planes, firm, witness, region & lit,
                      self.around(self.planes.misfit), self.std(), self.dim(firm),
                      self.projected)
 
@@ -171,7 +174,7 @@ class ThirdView:
         share = cv2.blur(known, size, borderType=cv2.BORDER_CONSTANT)
         wide = cv2.blur(level[thin] * known, size, borderType=cv2.BORDER_CONSTANT)
         overall = np.sum(level[thin] * known) / max(np.sum(known), 1)
-        hold = F4(0.02)
+        hold = F4(TUNING.color.least_share)
         usual = (wide + hold * F4(overall)) / (share + hold)
         return np.clip(cv2.resize(usual, self.grid.nodes[::-1]) - level, 0, 5).astype(F4)
 
@@ -196,13 +199,15 @@ class ThirdView:
         colors = fitted_colors(u.ravel()[some], v.ravel()[some],
                                sampled.reshape(3, -1)[:, some],
                                1 / variance.ravel()[some].astype(np.float64))
+        if explained(u, v, sampled, colors, used) < TUNING.use.least_explained:
+            return None
         local, error = local_light(u, v, sampled, colors, variance, used)
-        scale = F4(max(np.percentile(error[used], 25) / 0.575, 0.2))
+        scale = F4(max(np.percentile(error[used], 25) / tuning.quartile, tuning.least_scale))
         size = (2 * tuning.unrest_radius + 1,) * 2
         share = cv2.blur(used.astype(F4), size)
         unrest = cv2.blur(np.minimum(error, F4(tuning.unrest_limit) * scale), size) / np.maximum(
-            share, F4(1e-3))
-        unrest = np.where(share > 0.02, unrest / (2 * scale), 1)
+            share, F4(tuning.least_share))
+        unrest = np.where(share > F4(tuning.least_share), unrest / (2 * scale), 1)
         unrest = np.clip(unrest, 1, F4(tuning.unrest_limit)).astype(F4)
         self.coarse_light = local
         return Light(colors, np.stack([self.framed(each) for each in local]),
@@ -215,11 +220,11 @@ class ThirdView:
                                           interpolation=cv2.INTER_LINEAR)
         return out
 
-    def linearize(self, solver, planes, light, tiles, misfit):
-        """Write solver.linearized and misfit, framed, of some tiles at planes."""
+    def linearize(self, solver, planes, light, tiles, region, misfit):
+        """Write solver.linearized and misfit, framed, of the region of some tiles at planes."""
         left, projected = self.views.left, self.projected
         linearize_sweep(left.u, left.v, left.variance, projected.image, light.colors, light.local,
-                        light.unrest, projected.sweep, planes.d, tiles,
+                        light.unrest, projected.sweep, planes.d, tiles, region,
                         F4(TUNING.use.robust_misfit), light.scale, self.phase, solver.reference,
                         solver.linearized.weight, solver.linearized.moment, misfit)
         return solver.linearized
@@ -243,15 +248,14 @@ class ThirdView:
             axis=(1, 3))
         return np.ascontiguousarray(tiles[count.ravel() > 0])
 
-    def mask_of(self, tiles):
-        """Return which nodes lie in some tiles, bool framed."""
-        mask = np.zeros(self.grid.shape, bool)
-        for top, left in tiles:
-            mask[top:top + TILE_ROWS, left:left + TILE_COLUMNS] = True
-        return mask
+    def region_of(self, wanted):
+        """Return the nodes that are looked at: those wanted and those around, bool framed."""
+        size = (2 * TUNING.use.reach + 1,) * 2
+        return cv2.dilate(wanted.view(np.uint8), np.ones(size, np.uint8)).view(bool)
 
-    def fill(self, planes, firm, light, linearized, pair, tiles):
-        """Search and fit the nodes of some tiles; firm nodes anchor them."""
+    def fill(self, planes, firm, light, linearized, pair, region):
+        """Search and fit the nodes of a region; firm nodes anchor them."""
+        tiles = self.tiles_with(region)
         mine, solver = self.planes, self.solver
         seeds = self.search.search(
             self.projected.coarse_image, light.colors, self.coarse_light,
@@ -259,23 +263,22 @@ class ThirdView:
         mine.seed(seeds)
         for own, given in zip((mine.d, mine.a, mine.b), (planes.d, planes.a, planes.b)):
             np.copyto(own, given, where=firm)
-        self.propagate(light, tiles, TUNING.use.steps[0])
-        for turn in range(2):
-            self.fit(light, linearized, firm, pair, tiles, turn)
-            self.propagate(light, tiles, TUNING.use.steps[1])
-        self.fit(light, linearized, firm, pair, tiles, 2)
-        self.linearize(solver, mine, light, tiles, mine.misfit)
+        mine.misfit.fill(np.nan)
+        for turn, steps in enumerate(TUNING.use.steps):
+            self.propagate(light, tiles, region, steps)
+            self.fit(light, linearized, firm, pair, tiles, region, turn)
+        self.linearize(solver, mine, light, tiles, region, mine.misfit)
 
-    def fit(self, light, linearized, firm, pair, tiles, turn):
+    def fit(self, light, linearized, firm, pair, tiles, region, turn):
         """Fit the planes of some tiles; firm nodes tell what the two cameras know, too."""
         mine, solver = self.planes, self.solver
-        own = self.linearize(solver, mine, light, tiles, mine.misfit)
+        own = self.linearize(solver, mine, light, tiles, region, mine.misfit)
         own.weight[firm] += linearized.weight[firm]
         own.moment[firm] += linearized.moment[firm]
         solver.fit(own, self.views, mine, pair, tiles, turn)
 
-    def propagate(self, light, tiles, steps):
-        """Let the nodes of some tiles try the planes of their neighbors."""
+    def propagate(self, light, tiles, region, steps):
+        """Let the nodes of a region try the planes of their neighbors."""
         left, projected, mine = self.views.left, self.projected, self.planes
         cap = F4(TUNING.use.misfit_cap)
         kernel = np.ones((3, 3), np.uint8)
@@ -283,7 +286,7 @@ class ThirdView:
         def windows(step_y, step_x):
             sweep_misfits(left.u, left.v, left.variance, projected.image, light.colors,
                           light.local, light.unrest, projected.sweep, mine.d, mine.a, mine.b,
-                          step_y, step_x, tiles, light.scale, self.phase, cap, self.cost)
+                          step_y, step_x, tiles, region, light.scale, self.phase, cap, self.cost)
             return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel)
 
         for step in steps:
