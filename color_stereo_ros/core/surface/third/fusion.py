@@ -12,7 +12,7 @@ from ..grid_kernels import F4, PAD
 from ..planes import Planes
 from ..trust import Verdict
 from ...status import Status
-from .sweep_kernels import claim_places, find_contested
+from .sweep_kernels import claim_places, find_contested, places_of_nodes
 from .tuning import TUNING
 
 RIGHT_CAMERA, PROJECTOR = 1, 2
@@ -146,15 +146,17 @@ class Fusion:
         use, (rows, columns) = TUNING.use, self.grid.nodes
         projected = found.projected
         cell = F4(2 * projected.scale * use.cell)
-        height, width = (int(count / cell) + 1 for count in projected.image.shape[:2])
+        height, width = (int(count / cell) + 1 for count in projected.size)
         best, owner = np.empty((2, height, width), F4)
-        chosen = planes.d.copy()
-        chosen[self.grid.inner][third > two] = found.planes.d[self.grid.inner][third > two]
-        claim_places(chosen, np.maximum(two, third), projected.sweep, rows, columns, cell, best,
-                     owner)
-        for d, out in zip((planes.d, found.planes.d), self.contested):
-            find_contested(d, projected.sweep, rows, columns, cell, F4(use.contest_distance),
-                           best, owner, out)
+        both = [planes.d[self.grid.inner], found.planes.d[self.grid.inner]]
+        places = np.empty((2, 2, rows, columns), F4)
+        for each, out in zip((planes.d, found.planes.d), places):
+            places_of_nodes(projected.sweep, each, 1, out)
+        taken = third > two
+        claim_places(np.where(taken, both[1], both[0]), np.maximum(two, third),
+                     np.where(taken, places[1], places[0]), cell, best, owner)
+        for d, place, out in zip(both, places, self.contested):
+            find_contested(d, place, cell, F4(use.contest_distance), best, owner, out)
         return self.contested
 
     def fuse(self, found, verdict, planes):

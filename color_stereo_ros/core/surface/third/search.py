@@ -44,14 +44,16 @@ class SweepSearch:
         """Return the pixels per coarse node."""
         return 2 * self.coarse.factor
 
-    def search(self, image, colors, light, known, sweep):
+    def search(self, image, size, colors, light, known, sweep):
         """
         Search one pair.
 
         Parameters
         ----------
-        image : numpy.ndarray, float32, shape (H, W, 3)
-            The pattern, blurred as coarse nodes see it.
+        image : numpy.ndarray, uint32, shape (H W,)
+            The pattern, blurred as coarse nodes see it, see `sweep.packed`.
+        size : numpy.ndarray, int64, shape (2,)
+            Its height and width, px.
         colors : numpy.ndarray, float32, shape (3, 4)
         light : numpy.ndarray, float32, shape (3, h, w)
         known : numpy.ndarray, float32, shape (h, w)
@@ -69,7 +71,7 @@ class SweepSearch:
         left = coarse.upright.left
         cap, neutral = coarse.costs
         center = F4((self.step - 1) / 2)
-        sweep_costs(left[0], left[1], left[3], image, colors, light,
+        sweep_costs(left[0], left[1], left[3], image, size, colors, light,
                     (known - F4(self.first)) / F4(self.spacing), sweep, center, F4(self.step),
                     F4(self.first), F4(self.spacing), coarse.scale, cap, neutral,
                     F4(tuning.known_slope * cap), self.cost)

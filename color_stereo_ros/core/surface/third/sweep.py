@@ -79,6 +79,13 @@ def straightened(pattern, model):
                      borderMode=cv2.BORDER_REPLICATE)
 
 
+def packed(light):
+    """Return light 0..1, float (H, W, 3), in the bytes of uint32 (H W,)."""
+    pixels = np.zeros((*light.shape[:2], 4), np.uint8)
+    pixels[..., :3] = np.rint(255 * np.clip(light, 0, 1))
+    return pixels.view(np.uint32).reshape(-1)
+
+
 def magnification(sweep, geometry, d):
     """Return how many pixels of the pattern light one pixel in the middle of the left image."""
     x, y = geometry.width / 2, geometry.height / 2

@@ -7,7 +7,8 @@ A node (column i, row j of the half grid) at a disparity d is lit by the place
     (U, V, W) = sweep (x, y, 1, d),  x = 2 i + 0.5,  y = 2 j + 0.5;   u = U / W,  v = V / W
 
 of the pattern, px: the disparity of the two cameras stands for the distance. The right camera
-takes no part. Pattern images are float32 (H, W, 3), linear light of the projector.
+takes no part. Pattern images are uint32 (H W,): red, green and blue of the linear light of the
+projector in the three lowest bytes, so that a place costs four loads.
 
 """
 
@@ -15,129 +16,197 @@ import math
 
 import numpy as np
 
-from ...compiled import band, banded, part, serial
+from ...compiled import band, banded, LENGTH, part, serial, stack_integers, stack_row
 from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS, U4
 from .tuning import TUNING
 
 I2 = np.int16
+UNIT = F4(1 / 255)
 ROOT3 = F4(math.sqrt(3.0))
 MARGIN = F4(TUNING.color.margin)  # compiled into the kernels
 LEAST_LIGHT = F4(TUNING.color.least_light)
 LARGEST_COST = I2(32767)
+LEAST_DEPTH = F4(1e-6)
+FAR_OUTSIDE = F4(-1e6)  # px
+
+
+@part()
+def numbers(matrix):
+    """Return the twelve entries of a matrix (3, 4), a tuple: loops keep them in registers."""
+    return (matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[0, 3],
+            matrix[1, 0], matrix[1, 1], matrix[1, 2], matrix[1, 3],
+            matrix[2, 0], matrix[2, 1], matrix[2, 2], matrix[2, 3])
 
 
 @part(fastmath=FAST)
-def place_of(sweep, x, y, d):
-    """Return column and row of the pattern, px, and the slopes of both against d."""
-    depth = sweep[2, 0] * x + sweep[2, 1] * y + sweep[2, 2] + sweep[2, 3] * d
-    inverse = F4(1) / (depth if depth > F4(1e-6) else F4(1e-6))
-    u = (sweep[0, 0] * x + sweep[0, 1] * y + sweep[0, 2] + sweep[0, 3] * d) * inverse
-    v = (sweep[1, 0] * x + sweep[1, 1] * y + sweep[1, 2] + sweep[1, 3] * d) * inverse
-    u = u if depth > F4(1e-6) else F4(-1e6)
-    return u, v, (sweep[0, 3] - u * sweep[2, 3]) * inverse, (
-        sweep[1, 3] - v * sweep[2, 3]) * inverse
+def red_of(pixel):
+    """Return the red of a packed pixel, 0..255."""
+    return F4(I4(pixel & U4(255)))
 
 
 @part(fastmath=FAST)
-def within(image, u, v):
-    """Return whether a place lies inside a pattern image and not at its border."""
-    return ((u >= MARGIN) & (v >= MARGIN) & (u < F4(image.shape[1] - 1) - MARGIN)
-            & (v < F4(image.shape[0] - 1) - MARGIN))
+def green_of(pixel):
+    """Return the green of a packed pixel, 0..255."""
+    return F4(I4((pixel >> U4(8)) & U4(255)))
 
 
 @part(fastmath=FAST)
-def color_at(image, u, v, du, dv):
-    """
-    Return red, green and blue at a place inside, and their slopes along (du, dv).
-
-    Linear interpolation: the image is blurred so far that this is off by 1 % of the contrast.
-
-    """
-    i, j = U4(u), U4(v)
-    s, t = u - F4(i), v - F4(j)
-    right, below = U4(i + U4(1)), U4(j + U4(1))
-    a0, a1, a2 = image[j, i, 0], image[j, i, 1], image[j, i, 2]
-    b0, b1, b2 = image[j, right, 0], image[j, right, 1], image[j, right, 2]
-    c0, c1, c2 = image[below, i, 0], image[below, i, 1], image[below, i, 2]
-    d0, d1, d2 = image[below, right, 0], image[below, right, 1], image[below, right, 2]
-    x0, x1, x2 = b0 - a0, b1 - a1, b2 - a2  # steps along the upper row
-    y0, y1, y2 = d0 - c0, d1 - c1, d2 - c2  # and along the lower one
-    e0, e1, e2 = a0 + s * x0, a1 + s * x1, a2 + s * x2
-    f0, f1, f2 = c0 + s * y0 - e0, c1 + s * y1 - e1, c2 + s * y2 - e2
-    return (e0 + t * f0, e1 + t * f1, e2 + t * f2,
-            du * (x0 + t * (y0 - x0)) + dv * f0, du * (x1 + t * (y1 - x1)) + dv * f1,
-            du * (x2 + t * (y2 - x2)) + dv * f2)
+def blue_of(pixel):
+    """Return the blue of a packed pixel, 0..255."""
+    return F4(I4((pixel >> U4(16)) & U4(255)))
 
 
 @part(fastmath=FAST)
-def seen_color(image, colors, light_r, light_b, gray, u, v, du, dv):
+def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, color_v, slope_u,
+        slope_v):
     """
-    Return the chromaticity that the left camera should see, and its slopes along (du, dv).
+    Write the chromaticities that the left camera should see at some nodes, and their slopes.
 
-    colors, float32 (3, 4), takes the light of the pattern to that of the camera.
+    Nodes lie at (xs[n], y) and have disparities ds[n]; red, blue and gray are their light. The
+    slopes are those against d. color_u is NaN where a place lies outside the pattern. The pattern
+    is interpolated linearly: it is blurred so far that this is off by 1 % of the contrast. m and c
+    are `numbers` of the sweep and of the map of the colors. Parts that return several numbers,
+    and stores to arrays that might overlap, would keep the loop from being vectorized.
 
     """
-    p, q, t, dp, dq, dt = color_at(image, u, v, du, dv)
-    r = light_r * (colors[0, 0] * p + colors[0, 1] * q + colors[0, 2] * t + colors[0, 3])
-    g = colors[1, 0] * p + colors[1, 1] * q + colors[1, 2] * t + colors[1, 3]
-    b = light_b * (colors[2, 0] * p + colors[2, 1] * q + colors[2, 2] * t + colors[2, 3])
-    dr = light_r * (colors[0, 0] * dp + colors[0, 1] * dq + colors[0, 2] * dt)
-    dg = colors[1, 0] * dp + colors[1, 1] * dq + colors[1, 2] * dt
-    db = light_b * (colors[2, 0] * dp + colors[2, 1] * dq + colors[2, 2] * dt)
-    inverse = F4(1) / max(r + g + b, LEAST_LIGHT)
-    color_u = (F4(2) * r - g - b) * inverse
-    color_v = ROOT3 * (g - b) * inverse
-    change = dr + dg + db
-    slope_u = (F4(2) * dr - dg - db - color_u * change) * inverse
-    slope_v = (ROOT3 * (dg - db) - color_v * change) * inverse
-    return gray * color_u, gray * color_v, gray * slope_u, gray * slope_v
+    height, width = size[0], I4(size[1])
+    last_u, last_v = F4(width - 1) - margin, F4(height - 1) - margin
+    one, two = F4(1), F4(2)
+    us, vs, gus, gvs = stack_row(), stack_row(), stack_row(), stack_row()
+    for n in range(count):
+        x, d = xs[n], ds[n]
+        depth = m[8] * x + m[9] * y + m[10] + m[11] * d
+        inverse = one / (depth if depth > LEAST_DEPTH else LEAST_DEPTH)
+        u = (m[0] * x + m[1] * y + m[2] + m[3] * d) * inverse
+        v = (m[4] * x + m[5] * y + m[6] + m[7] * d) * inverse
+        inside = ((depth > LEAST_DEPTH) & (u >= margin) & (v >= margin) & (u < last_u)
+                  & (v < last_v))
+        u, v = u if inside else F4(0), v if inside else F4(0)
+        du, dv = (m[3] - u * m[11]) * inverse, (m[7] - v * m[11]) * inverse
+        i, j = I4(u), I4(v)
+        s, t = u - F4(i), v - F4(j)
+        at = U4(j * width + i)
+        below = U4(at + width)
+        p0, p1 = flat[at], flat[U4(at + 1)]
+        p2, p3 = flat[below], flat[U4(below + 1)]
+        upper, lower = red_of(p1) - red_of(p0), red_of(p3) - red_of(p2)
+        top = red_of(p0) + s * upper
+        down = red_of(p2) + s * lower - top
+        p, dp = top + t * down, du * (upper + t * (lower - upper)) + dv * down
+        upper, lower = green_of(p1) - green_of(p0), green_of(p3) - green_of(p2)
+        top = green_of(p0) + s * upper
+        down = green_of(p2) + s * lower - top
+        q, dq = top + t * down, du * (upper + t * (lower - upper)) + dv * down
+        upper, lower = blue_of(p1) - blue_of(p0), blue_of(p3) - blue_of(p2)
+        top = blue_of(p0) + s * upper
+        down = blue_of(p2) + s * lower - top
+        o, do = top + t * down, du * (upper + t * (lower - upper)) + dv * down
+        p, q, o, dp, dq, do = UNIT * p, UNIT * q, UNIT * o, UNIT * dp, UNIT * dq, UNIT * do
+        r = red[n] * (c[0] * p + c[1] * q + c[2] * o + c[3])
+        g = c[4] * p + c[5] * q + c[6] * o + c[7]
+        b = blue[n] * (c[8] * p + c[9] * q + c[10] * o + c[11])
+        dr = red[n] * (c[0] * dp + c[1] * dq + c[2] * do)
+        dg = c[4] * dp + c[5] * dq + c[6] * do
+        db = blue[n] * (c[8] * dp + c[9] * dq + c[10] * do)
+        total = r + g + b
+        share = one / (total if total > LEAST_LIGHT else LEAST_LIGHT)
+        own_u, own_v = (two * r - g - b) * share, ROOT3 * (g - b) * share
+        change = dr + dg + db
+        us[n] = gray[n] * own_u if inside else NAN
+        vs[n] = gray[n] * own_v
+        gus[n] = gray[n] * (two * dr - dg - db - own_u * change) * share
+        gvs[n] = gray[n] * (ROOT3 * (dg - db) - own_v * change) * share
+    for n in range(count):
+        color_u[n] = us[n]
+        color_v[n] = vs[n]
+        slope_u[n] = gus[n]
+        slope_v[n] = gvs[n]
+
+
+@serial(fastmath=FAST)
+def places_of_nodes(sweep, d, step, out):
+    """Write column and row of the pattern, px, of every step-th node, float32 (2, h, w)."""
+    m = numbers(sweep)
+    for row in range(out.shape[1]):
+        for column in range(out.shape[2]):
+            x, y = F4(2 * step * column) + F4(0.5), F4(2 * step * row) + F4(0.5)
+            here = d[PAD + step * row, PAD + step * column]
+            depth = m[8] * x + m[9] * y + m[10] + m[11] * here
+            ahead = depth > LEAST_DEPTH
+            inverse = F4(1) / (depth if ahead else LEAST_DEPTH)
+            out[0, row, column] = (
+                (m[0] * x + m[1] * y + m[2] + m[3] * here) * inverse if ahead else FAR_OUTSIDE)
+            out[1, row, column] = (m[4] * x + m[5] * y + m[6] + m[7] * here) * inverse
+
+
+@part()
+def any_of(nodes):
+    """Return whether one of some nodes is True."""
+    for x in range(nodes.size):
+        if nodes[x]:
+            return True
+    return False
 
 
 @banded(fastmath=FAST)
-def linearize_sweep(k, left_u, left_v, left_var, image, colors, light, unrest, sweep, d, tiles,
-                    region, robust_misfit, scale, phase, reference, weight, moment, misfit):
+def linearize_sweep(k, left_u, left_v, left_var, flat, size, colors, light, unrest, sweep, d,
+                    tiles, region, robust_misfit, scale, phase, reference, weight, moment,
+                    misfit):
     """
     Compare the nodes of some tiles with the pattern, and linearize there; only those in region.
 
     As `plane_kernels.linearize`; the pattern has no noise. The variance of a color is scale unrest
     left_var + phase g.g. light, float32 (3, framed): red and blue against green, and the share of
-    the color that is left. A place outside the pattern: weight = moment = 0, misfit NaN.
+    the color that is left. A place outside the pattern: weight = moment = 0, misfit NaN. flat is
+    the pattern image of size (height, width).
 
     """
     one = F4(1)
+    m, c = numbers(sweep), numbers(colors)
+    weights, moments, misfits, xs = stack_row(), stack_row(), stack_row(), stack_row()
+    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
     first, last = band(k, tiles.shape[0])
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
+        right = left + TILE_COLUMNS
+        for x in range(TILE_COLUMNS):
+            xs[x] = F4(2 * (left - PAD + x)) + F4(0.5)
         for y in range(top, top + TILE_ROWS):
-            for x in range(left, left + TILE_COLUMNS):
-                weight[y, x] = F4(0)
-                moment[y, x] = F4(0)
-                misfit[y, x] = NAN
-                if not region[y, x]:
-                    continue
-                here = d[y, x]
-                u, v, du, dv = place_of(sweep, F4(2 * (x - PAD)) + F4(0.5),
-                                        F4(2 * (y - PAD)) + F4(0.5), here)
-                noise = left_var[y, x]
-                if within(image, u, v) & (noise < SILENT_VARIANCE):
-                    color_u, color_v, slope_u, slope_v = seen_color(
-                        image, colors, light[0, y, x], light[1, y, x], light[2, y, x], u, v, du,
-                        dv)
-                    error_u = left_u[y, x] - color_u
-                    error_v = left_v[y, x] - color_v
-                    steep = slope_u * slope_u + slope_v * slope_v
-                    w = one / (scale * unrest[y, x] * noise + phase * steep)
-                    chi = w * (error_u * error_u + error_v * error_v)
-                    w = w / (one + chi / robust_misfit)
-                    strength = w * steep
-                    weight[y, x] = strength
-                    moment[y, x] = (strength * (here - reference)
-                                    + w * (slope_u * error_u + slope_v * error_v))
-                    misfit[y, x] = chi
+            out_weight, out_moment = weight[y, left:right], moment[y, left:right]
+            out_misfit, wanted = misfit[y, left:right], region[y, left:right]
+            if not any_of(wanted):
+                out_weight[:] = F4(0)
+                out_moment[:] = F4(0)
+                out_misfit[:] = NAN
+                continue
+            own_u, own_v, noises = (left_u[y, left:right], left_v[y, left:right],
+                                    left_var[y, left:right])
+            rough, places = unrest[y, left:right], d[y, left:right]
+            see(flat, size, m, c, MARGIN, TILE_COLUMNS, xs, F4(2 * (y - PAD)) + F4(0.5), places,
+                light[0, y, left:right], light[1, y, left:right], light[2, y, left:right],
+                color_u, color_v, slope_u, slope_v)
+            for x in range(TILE_COLUMNS):
+                here, noise = places[x], noises[x]
+                known = (color_u[x] == color_u[x]) & (noise < SILENT_VARIANCE) & wanted[x]
+                error_u, error_v = own_u[x] - color_u[x], own_v[x] - color_v[x]
+                steep = slope_u[x] * slope_u[x] + slope_v[x] * slope_v[x]
+                w = one / (scale * rough[x] * noise + phase * steep)
+                chi = w * (error_u * error_u + error_v * error_v)
+                w = w / (one + chi / robust_misfit)
+                strength = w * steep
+                asked = (strength * (here - reference)
+                         + w * (slope_u[x] * error_u + slope_v[x] * error_v))
+                weights[x] = strength if known else F4(0)
+                moments[x] = asked if known else F4(0)
+                misfits[x] = chi if known else NAN
+            for x in range(TILE_COLUMNS):
+                out_weight[x] = weights[x]
+                out_moment[x] = moments[x]
+                out_misfit[x] = misfits[x]
 
 
 @banded(fastmath=FAST)
-def sweep_misfits(k, left_u, left_v, left_var, image, colors, light, unrest, sweep, d, a, b,
+def sweep_misfits(k, left_u, left_v, left_var, flat, size, colors, light, unrest, sweep, d, a, b,
                   step_y, step_x, tiles, region, scale, phase, cap, out):
     """
     Write the misfit of every node of some tiles under the plane of the node (step_y, step_x) away.
@@ -145,30 +214,40 @@ def sweep_misfits(k, left_u, left_v, left_var, image, colors, light, unrest, swe
     At most cap, which also stands for what is unknown or not in region.
 
     """
+    m, c = numbers(sweep), numbers(colors)
+    misfits, xs, places = stack_row(), stack_row(), stack_row()
+    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
     first, last = band(k, tiles.shape[0])
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
+        right, begin = left + TILE_COLUMNS, left + step_x
+        stop = begin + TILE_COLUMNS
+        for x in range(TILE_COLUMNS):
+            xs[x] = F4(2 * (left - PAD + x)) + F4(0.5)
         for y in range(top, top + TILE_ROWS):
-            for x in range(left, left + TILE_COLUMNS):
-                out[y, x] = cap
-                if not region[y, x]:
-                    continue
-                there_y, there_x = y + step_y, x + step_x
-                here = (d[there_y, there_x] - a[there_y, there_x] * F4(step_x)
-                        - b[there_y, there_x] * F4(step_y))
-                u, v, du, dv = place_of(sweep, F4(2 * (x - PAD)) + F4(0.5),
-                                        F4(2 * (y - PAD)) + F4(0.5), here)
-                noise = left_var[y, x]
-                if within(image, u, v) & (noise < SILENT_VARIANCE):
-                    color_u, color_v, slope_u, slope_v = seen_color(
-                        image, colors, light[0, y, x], light[1, y, x], light[2, y, x], u, v, du,
-                        dv)
-                    error_u = left_u[y, x] - color_u
-                    error_v = left_v[y, x] - color_v
-                    steep = slope_u * slope_u + slope_v * slope_v
-                    chi = (error_u * error_u + error_v * error_v) / (
-                        scale * unrest[y, x] * noise + phase * steep)
-                    out[y, x] = min(chi, cap)
+            out_misfit, wanted = out[y, left:right], region[y, left:right]
+            if not any_of(wanted):
+                out_misfit[:] = cap
+                continue
+            own_u, own_v, noises = (left_u[y, left:right], left_v[y, left:right],
+                                    left_var[y, left:right])
+            rough, there = unrest[y, left:right], y + step_y
+            dd, aa, bb = d[there, begin:stop], a[there, begin:stop], b[there, begin:stop]
+            for x in range(TILE_COLUMNS):
+                places[x] = dd[x] - aa[x] * F4(step_x) - bb[x] * F4(step_y)
+            see(flat, size, m, c, MARGIN, TILE_COLUMNS, xs, F4(2 * (y - PAD)) + F4(0.5), places,
+                light[0, y, left:right], light[1, y, left:right], light[2, y, left:right],
+                color_u, color_v, slope_u, slope_v)
+            for x in range(TILE_COLUMNS):
+                known = (color_u[x] == color_u[x]) & (noises[x] < SILENT_VARIANCE) & wanted[x]
+                error_u, error_v = own_u[x] - color_u[x], own_v[x] - color_v[x]
+                steep = slope_u[x] * slope_u[x] + slope_v[x] * slope_v[x]
+                chi = (error_u * error_u + error_v * error_v) / (
+                    scale * rough[x] * noises[x] + phase * steep)
+                chi = chi if chi < cap else cap
+                misfits[x] = chi if known else cap
+            for x in range(TILE_COLUMNS):
+                out_misfit[x] = misfits[x]
 
 
 @banded(fastmath=FAST)
@@ -190,26 +269,7 @@ def take_better(k, d, a, b, step_y, step_x, tiles, cost, best, new_d, new_a, new
 
 
 @banded(fastmath=FAST)
-def pattern_colors(k, image, sweep, d, step, out):
-    """Write red, green and blue of what lights every step-th node, float32 (3, h, w), or NaN."""
-    rows, columns = out.shape[1:]
-    first, last = band(k, rows)
-    for row in range(first, last):
-        for column in range(columns):
-            y, x = step * row, step * column
-            u, v, du, dv = place_of(sweep, F4(2 * x) + F4(0.5), F4(2 * y) + F4(0.5),
-                                    d[y + PAD, x + PAD])
-            if within(image, u, v):
-                r, g, b, _, _, _ = color_at(image, u, v, du, dv)
-                out[0, row, column], out[1, row, column], out[2, row, column] = r, g, b
-            else:
-                out[0, row, column] = NAN
-                out[1, row, column] = NAN
-                out[2, row, column] = NAN
-
-
-@banded(fastmath=FAST)
-def sweep_costs(k, left_u, left_v, trust, image, colors, light, known, sweep, offset, step,
+def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, sweep, offset, step,
                 first_disparity, spacing, scale, cap, neutral, slope, cost):
     """
     Fill a volume, int16 (h, w, D), with the costs of the coarse nodes.
@@ -217,43 +277,46 @@ def sweep_costs(k, left_u, left_v, trust, image, colors, light, known, sweep, of
     Node (j, i) lies at x = offset + step i. The disparity of index n is first_disparity + n
     spacing, px. left_u, left_v int16, in units of 1 / scale; trust int16 0..16. known, float32
     (h, w): the index where stereo knows the disparity, NaN elsewhere; there the cost rises by slope
-    for each index away from it. image is float32 (H, W, 3), interpolated linearly.
+    for each index away from it.
 
     """
     rows, columns, depth = cost.shape
     first, last = band(k, rows)
-    width, height = image.shape[1], image.shape[0]
+    full = F4(cap)
+    m, c = numbers(sweep), numbers(colors)
+    some, xs, ds = stack_integers(), stack_row(), stack_row()
+    red, blue, gray = stack_row(), stack_row(), stack_row()
+    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
     for row in range(first, last):
         for column in range(columns):
-            x, y = offset + step * F4(column), offset + step * F4(row)
             out = cost[row, column]
             if known[row, column] == known[row, column]:
                 for n in range(depth):
                     away = slope * abs(F4(n) - known[row, column])
-                    out[n] = I2(min(away, F4(cap)))
+                    out[n] = I2(away if away < full else full)
                 continue
-            own_u, own_v = F4(left_u[row, column]), F4(left_v[row, column])
-            lr, lb = light[0, row, column], light[1, row, column]
-            gray = light[2, row, column] * scale
             w = I2(trust[row, column])
             if w == 0:
                 for n in range(depth):
                     out[n] = neutral
                 continue
-            for n in range(depth):
-                u, v, _, _ = place_of(sweep, x, y, first_disparity + F4(n) * spacing)
-                inside = (u >= F4(0)) & (v >= F4(0)) & (u < F4(width - 1)) & (v < F4(height - 1))
-                u, v = u if inside else F4(0), v if inside else F4(0)
-                p, q, o, _, _, _ = color_at(image, u, v, F4(0), F4(0))
-                r = lr * (colors[0, 0] * p + colors[0, 1] * q + colors[0, 2] * o + colors[0, 3])
-                g = colors[1, 0] * p + colors[1, 1] * q + colors[1, 2] * o + colors[1, 3]
-                b = lb * (colors[2, 0] * p + colors[2, 1] * q + colors[2, 2] * o + colors[2, 3])
-                norm = gray / max(r + g + b, LEAST_LIGHT)
-                away = (abs(own_u - (F4(2) * r - g - b) * norm)
-                        + abs(own_v - ROOT3 * (g - b) * norm))
-                away = away if inside else F4(cap)
-                value = I2(min(away, F4(cap)))
-                out[n] = I2(neutral + (I2(I2(value - neutral) * w) >> I2(4)))
+            own_u, own_v = F4(left_u[row, column]), F4(left_v[row, column])
+            for n in range(LENGTH):
+                xs[n] = offset + step * F4(column)
+                red[n], blue[n] = light[0, row, column], light[1, row, column]
+                gray[n] = light[2, row, column] * scale
+            for start in range(0, depth, LENGTH):
+                count = min(LENGTH, depth - start)
+                for n in range(count):
+                    ds[n] = first_disparity + F4(start + n) * spacing
+                see(flat, size, m, c, F4(0), count, xs, offset + step * F4(row), ds, red, blue,
+                    gray, color_u, color_v, slope_u, slope_v)
+                for n in range(count):
+                    away = abs(own_u - color_u[n]) + abs(own_v - color_v[n])
+                    away = away if away < full else full
+                    some[n] = I2(neutral + (I2(I2(I2(away) - neutral) * w) >> I2(4)))
+                for n in range(count):
+                    out[start + n] = some[n]
 
 
 @banded()
@@ -366,32 +429,33 @@ def cheapest_disparities(k, total, distance, best, gap):
             gap[y, x] = F4(rival - least)
 
 
-@serial(fastmath=FAST)
-def claim_places(d, odds, sweep, rows, columns, cell, best, owner):
+@serial()
+def claim_places(d, odds, places, cell, best, owner):
     """
     Let every node claim the place of the pattern that lights it; the one of the best odds gets it.
 
-    best, float32 (h, w), takes the odds and owner, float32 (h, w), the disparity of the node that
-    gets a cell of `cell` pixels of the pattern; -inf and NaN where nobody claims it.
+    d, odds are float32 (rows, columns), places float32 (2, rows, columns), px. best, float32 (h,
+    w), takes the odds and owner, float32 (h, w), the disparity of the node that gets a cell of
+    `cell` pixels of the pattern; -inf and NaN where nobody claims it.
 
     """
     best[:] = -F4(np.inf)
     owner[:] = NAN
     height, width = best.shape
+    rows, columns = odds.shape
     for row in range(rows):
         for column in range(columns):
-            here = d[row + PAD, column + PAD]
-            u, v, _, _ = place_of(sweep, F4(2 * column) + F4(0.5), F4(2 * row) + F4(0.5), here)
+            u, v = places[0, row, column], places[1, row, column]
             if (u >= F4(0)) & (v >= F4(0)):
                 i, j = I4(u / cell), I4(v / cell)
                 if (i < width) & (j < height):
                     if odds[row, column] > best[j, i]:
                         best[j, i] = odds[row, column]
-                        owner[j, i] = here
+                        owner[j, i] = d[row, column]
 
 
-@banded(fastmath=FAST)
-def find_contested(k, d, sweep, rows, columns, cell, distance, best, owner, contested):
+@banded()
+def find_contested(k, d, places, cell, distance, best, owner, contested):
     """
     Write the odds of another surface that claims the same place of the pattern, at least 0.
 
@@ -400,14 +464,14 @@ def find_contested(k, d, sweep, rows, columns, cell, distance, best, owner, cont
 
     """
     height, width = best.shape
+    rows, columns = contested.shape
     first, last = band(k, rows)
     for row in range(first, last):
         for column in range(columns):
-            here = d[row + PAD, column + PAD]
-            u, v, _, _ = place_of(sweep, F4(2 * column) + F4(0.5), F4(2 * row) + F4(0.5), here)
+            u, v = places[0, row, column], places[1, row, column]
             contested[row, column] = F4(0)
             if (u >= F4(0)) & (v >= F4(0)):
                 i, j = I4(u / cell), I4(v / cell)
                 if (i < width) & (j < height):
-                    if abs(owner[j, i] - here) > distance:
+                    if abs(owner[j, i] - d[row, column]) > distance:
                         contested[row, column] = max(best[j, i], F4(0))

@@ -13,8 +13,8 @@ from ..quality import Quality
 from .colors import explained, fitted_colors, Light, local_light
 from .fusion import Fusion
 from .search import SweepSearch
-from .sweep import magnification, places_per_disparity, straightened, sweep_matrix
-from .sweep_kernels import linearize_sweep, pattern_colors, sweep_misfits, take_better
+from .sweep import magnification, packed, places_per_disparity, straightened, sweep_matrix
+from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
 from .tuning import TUNING
 
 NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
@@ -28,13 +28,30 @@ class Projected:
     sweep: np.ndarray
     """float32 (3, 4), see `sweep.sweep_matrix`."""
     image: np.ndarray
-    """float32 (H, W, 3), the light of the pattern as blurred as nodes see it."""
+    """uint32 (H W,), the light of the pattern as blurred as nodes see it, see `packed`."""
     coarse_image: np.ndarray
     """The same as coarse nodes see it."""
+    size: np.ndarray
+    """int64 (2,), height and width of both images, px."""
     scale: float
     """Pixels of the pattern that light one pixel of the left image."""
     per_disparity: float
     """How many pixels of the left image a disparity of 1 px moves the place."""
+
+    def light_at(self, u, v):
+        """Return the light of the pattern at places, float32 (3, ...), NaN outside."""
+        image = self.image.view(np.uint8).reshape(*self.size, 4)
+        found = cv2.remap(image, u, v, cv2.INTER_LINEAR).astype(F4) / F4(255)
+        height, width = self.size
+        margin = TUNING.color.margin
+        inside = ((u >= margin) & (v >= margin) & (u < width - 1 - margin)
+                  & (v < height - 1 - margin))
+        return np.where(inside, np.moveaxis(found[..., :3], -1, 0), F4(np.nan))
+
+    @property
+    def flat(self):
+        """Return the image as kernels take it: flat, and its size."""
+        return self.image, self.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +130,8 @@ class ThirdView:
         step = 2 * self.coarse.factor
         wide = np.sqrt(variance + (step / 4 * TUNING.search.blur) ** 2)
         coarse_image = cv2.GaussianBlur(light, (0, 0), scale * wide)
-        self.projected = Projected(model, sweep.astype(F4), image, coarse_image, scale,
-                                   per_disparity)
+        self.projected = Projected(model, sweep.astype(F4), packed(image), packed(coarse_image),
+                                   np.array(light.shape[:2]), scale, per_disparity)
         spacing = TUNING.search.spacing * step / max(per_disparity, TUNING.search.least_ratio)
         self.search = SweepSearch(self.coarse, self.limits, float(spacing), Arena())
 
@@ -187,8 +204,9 @@ class ThirdView:
         tuning, inner, left = TUNING.color, self.grid.inner, self.views.left
         step = self.coarse.factor
         shape = self.coarse.disparity.shape
-        sampled = np.empty((3, *shape), F4)
-        pattern_colors(self.projected.image, self.projected.sweep, planes.d, step, sampled)
+        place = np.empty((2, *shape), F4)
+        places_of_nodes(self.projected.sweep, planes.d, step, place)
+        sampled = self.projected.light_at(*place)
         thin = np.s_[:shape[0] * step:step, :shape[1] * step:step]
         u, v, variance = (each[inner][thin] for each in (left.u, left.v, left.variance))
         used = known[thin] & np.isfinite(sampled[0]) & (variance < SILENT_VARIANCE)
@@ -223,7 +241,7 @@ class ThirdView:
     def linearize(self, solver, planes, light, tiles, region, misfit):
         """Write solver.linearized and misfit, framed, of the region of some tiles at planes."""
         left, projected = self.views.left, self.projected
-        linearize_sweep(left.u, left.v, left.variance, projected.image, light.colors, light.local,
+        linearize_sweep(left.u, left.v, left.variance, *projected.flat, light.colors, light.local,
                         light.unrest, projected.sweep, planes.d, tiles, region,
                         F4(TUNING.use.robust_misfit), light.scale, self.phase, solver.reference,
                         solver.linearized.weight, solver.linearized.moment, misfit)
@@ -258,7 +276,7 @@ class ThirdView:
         tiles = self.tiles_with(region)
         mine, solver = self.planes, self.solver
         seeds = self.search.search(
-            self.projected.coarse_image, light.colors, self.coarse_light,
+            self.projected.coarse_image, self.projected.size, light.colors, self.coarse_light,
             self.coarse_known(planes, firm), self.projected.sweep)
         mine.seed(seeds)
         for own, given in zip((mine.d, mine.a, mine.b), (planes.d, planes.a, planes.b)):
@@ -284,7 +302,7 @@ class ThirdView:
         kernel = np.ones((3, 3), np.uint8)
 
         def windows(step_y, step_x):
-            sweep_misfits(left.u, left.v, left.variance, projected.image, light.colors,
+            sweep_misfits(left.u, left.v, left.variance, *projected.flat, light.colors,
                           light.local, light.unrest, projected.sweep, mine.d, mine.a, mine.b,
                           step_y, step_x, tiles, region, light.scale, self.phase, cap, self.cost)
             return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel)
