@@ -124,6 +124,42 @@ class ColorStereo:
         kept = left.copy()  # the image is made when asked, and the caller may reuse its arrays
         with KERNELS:
             found = self._measure(_read_only(kept), _read_only(right), alignment, clock)
+        return self._result(found, kept, clock)
+
+    def process_left(self, left):
+        """
+        Measure one image with left camera and projector, without the right camera.
+
+        What is known of the colors comes from the last pair. Disparities are those that the right
+        camera would see.
+
+        Parameters
+        ----------
+        left : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB image.
+
+        Returns
+        -------
+        result : RangeResult
+
+        Raises
+        ------
+        ImageError
+            If the image is no array, or its type or size is wrong.
+        SettingsError
+            If no projector is in use, see `use_projector`.
+
+        """
+        refuse_after_fork()
+        if self._projector is None:
+            raise SettingsError('no projector is in use: one camera alone measures nothing')
+        kept = self._rectifier.checked(left, left)[0].copy()
+        clock = Stopwatch()
+        with KERNELS:
+            found = self._method.measure_left(_read_only(kept), clock)
+        return self._result(found, kept, clock)
+
+    def _result(self, found, kept, clock):
         if found.views is None:
             found = replace(found, views=(found.status == Status.VALID).view(np.uint8))
         return RangeResult(

@@ -211,6 +211,32 @@ class SurfaceMethod:
         clock.lap('third view', fused)
         return fused
 
+    def measure_left(self, left, clock):
+        """
+        Measure with left camera and projector, without the right camera.
+
+        Parameters
+        ----------
+        left : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB image.
+        clock : Stopwatch
+
+        Returns
+        -------
+        measurement : Measurement or None
+            None without a projector.
+
+        """
+        if self.third is None or self.third.projected is None:
+            return None
+        views = self.views.load(left, left, np.zeros(COUNT))
+        clock.lap('colors', views)
+        fused = self.third.measure_alone(PairModel.neutral(views))
+        clock.lap('third view', fused)
+        measurement = self.expanded(None, fused)
+        clock.lap('expand', measurement)
+        return measurement
+
     def expanded(self, verdict, fused):
         """Return the Measurement of the nodes of two views, or of three; see `with_third_view`."""
         least = self.trust.least_odds

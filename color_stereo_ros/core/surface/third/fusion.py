@@ -141,6 +141,44 @@ class Fusion:
                       treated & (apart < F4(use.agreement)), found.firm[inner],
                       verdict.log_odds[inner] > HOPELESS / 2)
 
+    def own_odds(self, planes, around):
+        """Return the log-odds of planes of the third view alone, float32 (rows, columns)."""
+        low, high = TUNING.use.odds_limits
+        odds = quadratic(self.form, evidence_of(planes, around, self.grid))
+        known = np.isfinite(planes.d[self.grid.inner]) & np.isfinite(
+            planes.variance[self.grid.inner])
+        return np.where(known, np.clip(odds, F4(low), F4(high)), HOPELESS)
+
+    def alone(self, planes, odds, std, lit, left):
+        """
+        Return the Fused of left camera and projector alone.
+
+        Parameters
+        ----------
+        planes : PlaneField
+        odds : numpy.ndarray, float32, shape (rows, columns)
+        std : numpy.ndarray, float32, framed
+            px.
+        lit : numpy.ndarray, bool, framed
+        left : View
+
+        Returns
+        -------
+        fused : Fused
+
+        """
+        grid, inner = self.grid, self.grid.inner
+        log_odds = np.full(grid.shape, HOPELESS, F4)
+        log_odds[inner] = np.where(lit[inner], odds, HOPELESS)
+        log_odds[:, PAD - 1] = log_odds[:, PAD]
+        log_odds[:, PAD + grid.columns] = log_odds[:, PAD + grid.columns - 1]
+        reason = np.full(grid.shape, Status.IMPLAUSIBLE, np.uint8)
+        reason[~lit] = Status.DARK
+        reason[left.peak < 0] = Status.OUTSIDE_IMAGE
+        views = np.full(grid.shape, PROJECTOR, np.uint8)
+        return Fused(FusedPlanes(grid, planes.d, planes.a, planes.b),
+                     Verdict(std, log_odds, reason), views, np.ones(grid.shape, bool))
+
     def contested_places(self, found, two, third, planes):
         """Return for both planes the odds of another surface at the same place of the pattern."""
         use, (rows, columns) = TUNING.use, self.grid.nodes

@@ -15,7 +15,11 @@ cameras names one place of the pattern, along an epipolar line of any direction.
 import cv2
 import numpy as np
 
+from ...projector.adjustment import predicted, to_unknowns
+
 F4 = np.float32
+GRID = 12, 9  # places across and down where the uncertainty of the projector is computed
+LEAST_SHIFT = 1e-3  # px: nearer to infinity no distance is told
 
 
 def sweep_matrix(model, geometry):
@@ -77,6 +81,39 @@ def straightened(pattern, model):
     there = (distorted @ model.camera_matrix.T).astype(F4)
     return cv2.remap(light, there[..., 0], there[..., 1], cv2.INTER_CUBIC,
                      borderMode=cv2.BORDER_REPLICATE)
+
+
+def geometry_variance(model, geometry, d):
+    """
+    Return what the uncertainty of the projector does to a disparity over the image.
+
+    Parameters
+    ----------
+    model : ProjectorModel
+    geometry : RectifiedGeometry
+    d : float
+        px.
+
+    Returns
+    -------
+    variance : numpy.ndarray, float64, shape (GRID[1], GRID[0])
+        px^2, at places that divide the image evenly.
+
+    """
+    if not model.covariance.any():
+        return np.zeros(GRID[::-1])
+    x, y = np.meshgrid((np.arange(GRID[0]) + 0.5) * geometry.width / GRID[0] - 0.5,
+                       (np.arange(GRID[1]) + 0.5) * geometry.height / GRID[1] - 0.5)
+    depth = geometry.focal_baseline / max(d - geometry.principal_offset, LEAST_SHIFT)
+    points = depth * np.stack([(x - geometry.center_x_left) / geometry.focal_x,
+                               (y - geometry.center_y) / geometry.focal_y,
+                               np.ones_like(x)], axis=-1).reshape(-1, 3)
+    jacobian, along = predicted(model, points)[1:3]
+    # dZ = -Z^2 / (f B) dd
+    along = along * -depth ** 2 / geometry.focal_baseline
+    square = np.maximum(np.sum(along ** 2, axis=1), LEAST_SHIFT)
+    gain = np.einsum('ni,nij->nj', along, jacobian) / square[:, None]
+    return np.einsum('ni,ij,nj->n', gain, to_unknowns(model), gain).reshape(GRID[::-1])
 
 
 def packed(light):

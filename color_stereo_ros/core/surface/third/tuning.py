@@ -117,6 +117,9 @@ class UseTuning(Constants):
         derived('As `pair.phase_variance`.'))
     misfit_cap: float = constant(
         60.0, '1', 'Largest misfit of one node.', derived('As `neighbors.misfit_cap`.'))
+    alone_rounds: int = constant(
+        2, '1', 'Rounds of search and fit without the right camera.',
+        chosen('The first one tells the colors.'))
     variance_cap: float = constant(
         4.0, 'px^2', 'Largest variance that counts as evidence.', derived('Nothing is told.'))
     distance_cap: float = constant(

@@ -13,7 +13,7 @@ from ..quality import Quality
 from .colors import explained, fitted_colors, Light, local_light
 from .fusion import Fusion
 from .search import SweepSearch
-from .sweep import magnification, packed, places_per_disparity, straightened, sweep_matrix
+from .sweep import geometry_variance, magnification, packed, places_per_disparity, straightened, sweep_matrix
 from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
 from .tuning import TUNING
 
@@ -102,7 +102,7 @@ class ThirdView:
         self.quality = Quality(grid, method.tuning.quality, arena)
         self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
         self.everywhere = np.ones(grid.shape, bool)
-        self.projected = self.search = self.found = None
+        self.projected = self.search = self.found = self.last_light = None
         self.fusion = Fusion(grid)
 
     def adopt(self, model, pattern):
@@ -197,7 +197,45 @@ class ThirdView:
 
     def std(self):
         """Return the standard deviations of the planes of the third view, px, float32 framed."""
-        return np.sqrt(F4(TUNING.use.variance_factor) * self.planes.variance)
+        variance = F4(TUNING.use.variance_factor) * self.planes.variance
+        d = self.planes.d[self.grid.inner]
+        middle = float(np.nanmedian(d)) if np.isfinite(d).any() else float(np.mean(self.limits))
+        variance[self.grid.inner] += cv2.resize(
+            geometry_variance(self.projected.model, self.geometry, middle).astype(F4),
+            self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
+        return np.sqrt(variance)
+
+    def measure_alone(self, pair):
+        """
+        Measure the left view with the pattern, without the right camera.
+
+        Parameters
+        ----------
+        pair : PairModel
+
+        Returns
+        -------
+        fused : Fused
+
+        """
+        left, coarse, grid = self.views.left, self.coarse, self.grid
+        coarse.fill_colors(left, self.views.right)
+        light = self.last_light
+        if light is None:
+            light = Light(np.eye(3, 4, dtype=F4), np.ones((3, *grid.shape), F4),
+                          np.ones(grid.shape, F4), F4(1))
+            self.coarse_light = np.ones((3, *coarse.disparity.shape), F4)
+        lit = np.zeros(grid.shape, bool)
+        lit[grid.inner] = ((left.variance[grid.inner] < SILENT_VARIANCE)
+                           & (left.s[grid.inner] > F4(1)))
+        nothing = np.zeros(grid.shape, bool)
+        for _ in range(TUNING.use.alone_rounds):
+            self.fill(self.planes, nothing, light, self.solver.linearized, pair, lit)
+            around = self.around(self.planes.misfit)
+            odds = self.fusion.own_odds(self.planes, around)
+            better = self.light(self.planes, odds > F4(TUNING.use.firm_odds))
+            light = light if better is None else better
+        return self.fusion.alone(self.planes, odds, self.std(), lit, left)
 
     def light(self, planes, known):
         """Return the Light that the known nodes show, None where there are too few."""
@@ -228,8 +266,9 @@ class ThirdView:
         unrest = np.where(share > F4(tuning.least_share), unrest / (2 * scale), 1)
         unrest = np.clip(unrest, 1, F4(tuning.unrest_limit)).astype(F4)
         self.coarse_light = local
-        return Light(colors, np.stack([self.framed(each) for each in local]),
-                     self.framed(unrest), scale)
+        self.last_light = Light(colors, np.stack([self.framed(each) for each in local]),
+                                self.framed(unrest), scale)
+        return self.last_light
 
     def framed(self, samples):
         """Return coarse samples at all nodes, framed float32."""
