@@ -76,7 +76,7 @@ def fitted_colors(u, v, light, weight):
         colors = colors * (3 / max(np.trace(colors[:, :3]), tuning.least_total))
         seen_u, seen_v = chromaticity(mixed(colors, p[:3]))
         error = (u - seen_u) ** 2 + (v - seen_v) ** 2
-        trust = weight / (1 + error / max(np.median(error) * tuning.robust, 1e-12))
+        trust = weight / (1 + error / max(np.median(error) * tuning.robust, tuning.least_error))
     return colors.astype(F4)
 
 

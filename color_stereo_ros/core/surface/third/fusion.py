@@ -6,17 +6,17 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..fitted import load_model
 from ..grid import framed_area
 from ..grid_kernels import F4, PAD
 from ..planes import Planes
 from ..trust import Verdict
+from ..tuning import TUNING as SURFACE
 from ...status import Status
 from .sweep_kernels import claim_places, find_contested, places_of_nodes
 from .tuning import TUNING
 
 RIGHT_CAMERA, PROJECTOR = 1, 2
-HOPELESS = F4(-1e6)
+HOPELESS = F4(SURFACE.trust.hopeless_odds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +112,14 @@ class Fusion:
     Parameters
     ----------
     grid : HalfGrid
-    model : FittedModel, optional
-        Default: what ships.
+    model : dict, optional
+        Fitted forms by their names; default: what ships.
 
     """
 
     def __init__(self, grid, model=None):
         """Take the fitted numbers."""
-        model = load_model('third') if model is None else model
+        model = vars(TUNING.trust) if model is None else model
         self.grid = grid
         self.form, self.agree, self.two_apart, self.third_apart, self.firm = (
             np.array(model[name], F4) for name in MODEL_NAMES)

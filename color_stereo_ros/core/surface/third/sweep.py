@@ -16,10 +16,9 @@ import cv2
 import numpy as np
 
 from ...projector.adjustment import predicted, to_unknowns
+from .tuning import TUNING
 
 F4 = np.float32
-GRID = 12, 9  # places across and down where the uncertainty of the projector is computed
-LEAST_SHIFT = 1e-3  # px: nearer to infinity no distance is told
 
 
 def sweep_matrix(model, geometry):
@@ -69,7 +68,9 @@ def straightened(pattern, model):
         Linear light 0..1.
 
     """
-    light = pattern.astype(F4) / F4(255) if pattern.dtype == np.uint8 else pattern.astype(F4)
+    light = pattern.astype(F4)
+    if pattern.dtype == np.uint8:
+        light *= F4(TUNING.sweep.unit)
     if not model.distortion:
         return light
     rows, columns = light.shape[:2]
@@ -96,30 +97,31 @@ def geometry_variance(model, geometry, d):
 
     Returns
     -------
-    variance : numpy.ndarray, float64, shape (GRID[1], GRID[0])
+    variance : numpy.ndarray, float64, shape (h, w)
         px^2, at places that divide the image evenly.
 
     """
+    (w, h), least = TUNING.sweep.samples, TUNING.sweep.least_shift
     if not model.covariance.any():
-        return np.zeros(GRID[::-1])
-    x, y = np.meshgrid((np.arange(GRID[0]) + 0.5) * geometry.width / GRID[0] - 0.5,
-                       (np.arange(GRID[1]) + 0.5) * geometry.height / GRID[1] - 0.5)
-    depth = geometry.focal_baseline / max(d - geometry.principal_offset, LEAST_SHIFT)
+        return np.zeros((h, w))
+    x, y = np.meshgrid((np.arange(w) + 0.5) * geometry.width / w - 0.5,
+                       (np.arange(h) + 0.5) * geometry.height / h - 0.5)
+    depth = geometry.focal_baseline / max(d - geometry.principal_offset, least)
     points = depth * np.stack([(x - geometry.center_x_left) / geometry.focal_x,
                                (y - geometry.center_y) / geometry.focal_y,
                                np.ones_like(x)], axis=-1).reshape(-1, 3)
     jacobian, along = predicted(model, points)[1:3]
     # dZ = -Z^2 / (f B) dd
     along = along * -depth ** 2 / geometry.focal_baseline
-    square = np.maximum(np.sum(along ** 2, axis=1), LEAST_SHIFT)
+    square = np.maximum(np.sum(along ** 2, axis=1), least)
     gain = np.einsum('ni,nij->nj', along, jacobian) / square[:, None]
-    return np.einsum('ni,ij,nj->n', gain, to_unknowns(model), gain).reshape(GRID[::-1])
+    return np.einsum('ni,ij,nj->n', gain, to_unknowns(model), gain).reshape(h, w)
 
 
 def packed(light):
     """Return light 0..1, float (H, W, 3), in the bytes of uint32 (H W,)."""
     pixels = np.zeros((*light.shape[:2], 4), np.uint8)
-    pixels[..., :3] = np.rint(255 * np.clip(light, 0, 1))
+    pixels[..., :3] = np.rint(np.clip(light, 0, 1) / TUNING.sweep.unit)
     return pixels.view(np.uint32).reshape(-1)
 
 

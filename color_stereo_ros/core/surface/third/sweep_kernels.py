@@ -21,13 +21,14 @@ from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, TILE_COLUMNS
 from .tuning import TUNING
 
 I2 = np.int16
-UNIT = F4(1 / 255)
 ROOT3 = F4(math.sqrt(3.0))
-MARGIN = F4(TUNING.color.margin)  # compiled into the kernels
+# Constants of `tuning`, compiled into the kernels.
+LEAST_DEPTH = F4(TUNING.sweep.least_depth)
+FAR_OUTSIDE = F4(TUNING.sweep.far_outside)
+UNIT = F4(TUNING.sweep.unit)
+MARGIN = F4(TUNING.color.margin)
 LEAST_LIGHT = F4(TUNING.color.least_light)
-LARGEST_COST = I2(32767)
-LEAST_DEPTH = F4(1e-6)
-FAR_OUTSIDE = F4(-1e6)  # px
+LARGEST = I2(32767)
 
 
 @part()
@@ -349,7 +350,7 @@ def follow(cost, path, small, large, total, add):
     """
     depth = cost.size
     before = path[0]
-    least = LARGEST_COST
+    least = LARGEST
     for n in range(depth):
         here, after = path[n + 1], path[n + 2]
         step = min(min(here, I2(min(before, after) + small)), large)
@@ -410,12 +411,12 @@ def cheapest_disparities(k, total, distance, best, gap):
     for y in range(first, last):
         for x in range(columns):
             costs = total[y, x]
-            at, least = 0, I4(LARGEST_COST)
+            at, least = 0, I4(LARGEST)
             for n in range(depth):
                 if costs[n] < least:
                     least = I4(costs[n])
                     at = n
-            rival = I4(LARGEST_COST)
+            rival = I4(LARGEST)
             for n in range(depth):
                 if abs(n - at) > distance:
                     rival = min(rival, I4(costs[n]))

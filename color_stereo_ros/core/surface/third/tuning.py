@@ -4,6 +4,31 @@
 from dataclasses import dataclass
 
 from ...constants import chosen, constant, Constants, derived
+from ..fitted import load_model
+
+THIRD = load_model('third')
+
+
+@dataclass(frozen=True)
+class SweepTuning(Constants):
+    """From nodes of the left image to places of the pattern."""
+
+    least_depth: float = constant(
+        1e-6, 'm', 'Nearest distance from the projector, per distance from the left camera.',
+        derived('Prevents division by 0; behind the projector there is no light.'),
+        compiled=True)
+    far_outside: float = constant(
+        -1e6, 'px', 'Place of what lies behind the projector.',
+        derived('Outside any pattern.'), compiled=True)
+    unit: float = constant(
+        1 / 255, '1', 'Light per step of a packed pixel.', derived('A byte for each channel.'),
+        compiled=True)
+    samples: tuple = constant(
+        (12, 9), '1', 'Places across and down where the uncertainty of the projector is computed.',
+        chosen('It changes slowly over the image.'))
+    least_shift: float = constant(
+        1e-3, 'px', 'Smallest disparity against infinity, and smallest movement of the place.',
+        derived('Prevents division by 0.'))
 
 
 @dataclass(frozen=True)
@@ -32,6 +57,8 @@ class ColorTuning(Constants):
         1e-4, '1', 'Hold of the map of the colors towards equal channels, share of the evidence.',
         chosen('The sum of the channels of the default pattern is constant: the offset alone '
                'would not be determined.'))
+    least_error: float = constant(
+        1e-12, '1', 'Smallest squared error of a color.', derived('Prevents division by 0.'))
     least_total: float = constant(
         0.02, '1', 'Smallest brightness of the predicted color, white = 3.',
         derived('Prevents division by 0.'))
@@ -137,6 +164,9 @@ class UseTuning(Constants):
     contest_distance: float = constant(
         2.0, 'px', 'Difference of disparity from which two nodes are different surfaces.',
         chosen('A surface changes by less from node to node.'))
+    most_dim: float = constant(
+        5.0, '1', 'Largest logarithm of how much brighter the surroundings are.',
+        chosen('A hundredth of the light is none.'))
     dim_radius: int = constant(
         12, 'coarse nodes', 'Radius of the surroundings with which brightness is compared.',
         chosen('Wider than most shadows.'))
@@ -155,12 +185,35 @@ class UseTuning(Constants):
 
 
 @dataclass(frozen=True)
+class TrustTuning(Constants):
+    """Log-odds of being right within 1 px; all forms are upper triangular, see `fusion`."""
+
+    form: tuple = constant(
+        THIRD['form'], '1', 'Form of one and the evidence of a plane of the third view.',
+        THIRD.provenance('form'))
+    agree: tuple = constant(
+        THIRD['agree'], '1', 'Form of the plane of two cameras where the third view has the same.',
+        THIRD.provenance('agree'))
+    two_apart: tuple = constant(
+        THIRD['two_apart'], '1', 'Form of the plane of two cameras where the third view has '
+        'another one.', THIRD.provenance('two_apart'))
+    third_apart: tuple = constant(
+        THIRD['third_apart'], '1', 'Form of the plane of the third view there.',
+        THIRD.provenance('third_apart'))
+    firm: tuple = constant(
+        THIRD['firm'], '1', 'Form of the plane of two cameras where the third view only bears '
+        'witness.', THIRD.provenance('firm'))
+
+
+@dataclass(frozen=True)
 class ThirdTuning(Constants):
     """All groups."""
 
+    sweep: SweepTuning = SweepTuning()
     color: ColorTuning = ColorTuning()
     search: SearchTuning = SearchTuning()
     use: UseTuning = UseTuning()
+    trust: TrustTuning = TrustTuning()
 
 
 TUNING = ThirdTuning()

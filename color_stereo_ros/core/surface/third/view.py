@@ -41,7 +41,7 @@ class Projected:
     def light_at(self, u, v):
         """Return the light of the pattern at places, float32 (3, ...), NaN outside."""
         image = self.image.view(np.uint8).reshape(*self.size, 4)
-        found = cv2.remap(image, u, v, cv2.INTER_LINEAR).astype(F4) / F4(255)
+        found = cv2.remap(image, u, v, cv2.INTER_LINEAR).astype(F4) * F4(TUNING.sweep.unit)
         height, width = self.size
         margin = TUNING.color.margin
         inside = ((u >= margin) & (v >= margin) & (u < width - 1 - margin)
@@ -193,7 +193,8 @@ class ThirdView:
         overall = np.sum(level[thin] * known) / max(np.sum(known), 1)
         hold = F4(TUNING.color.least_share)
         usual = (wide + hold * F4(overall)) / (share + hold)
-        return np.clip(cv2.resize(usual, self.grid.nodes[::-1]) - level, 0, 5).astype(F4)
+        return np.clip(cv2.resize(usual, self.grid.nodes[::-1]) - level, 0,
+                       TUNING.use.most_dim).astype(F4)
 
     def std(self):
         """Return the standard deviations of the planes of the third view, px, float32 framed."""
