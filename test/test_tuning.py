@@ -323,5 +323,5 @@ def test_all_models_that_ship_are_in_the_tuning():
     shipped = {path.stem for path in fitted.MODELS.glob('*.yaml')}
     assert shipped == {'trust', 'slow', 'spread', 'period', 'third'}
     assert TUNING.trust.form == fitted.load_model('trust')['form']
-    assert third.TUNING.trust.firm == fitted.load_model('third')['firm']
+    assert third.TUNING.odds.firm == fitted.load_model('third')['firm']
     assert slow(4)['trust.odds_offset'].value == fitted.load_model('slow')['odds_offset']

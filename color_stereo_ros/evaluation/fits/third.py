@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core import ColorStereo, make_pattern
+from ...core import ColorStereo
 from ...core.surface.third.fusion import evidence_of, MODEL_NAMES, quadratic
 from ...core.surface.third.tuning import TUNING
-from ...sim import load_scene
-from ..third_view import true_projector
 from .pairs import simulated
 from .regression import equal_shares, logistic_fit
 from .trust import products, quadratic_form
@@ -41,24 +39,24 @@ class Samples:
 
 
 def pairs_of(scenes, options):
-    """Return the pairs of this fit with their projectors: every scene, default pattern."""
-    return [(simulated(name, cache=options.cache, seed=options.seed, quick=options.quick),
-             true_projector(load_scene(name).rig)) for name in options.progress(scenes)]
+    """Return the pairs of this fit: every scene under the default pattern."""
+    return [simulated(name, cache=options.cache, seed=options.seed, quick=options.quick)
+            for name in options.progress(scenes)]
 
 
 def fit(pairs, options):
     """Fit to pairs, see `trust.fit`; returns all parameters of models/third.yaml."""
-    samples = [samples_of(*pair) for pair in options.progress(pairs)]
+    samples = [samples_of(pair) for pair in options.progress(pairs)]
     return fitted_model(samples), [f'pairs: {len(samples)}, nodes: '
                                    f'{sum(len(each.two) for each in samples)}']
 
 
-def samples_of(pair, projector):
-    """Measure a pair with a projector and return its Samples."""
+def samples_of(pair):
+    """Measure a pair with its projector and return its Samples."""
     stereo = ColorStereo(pair.calibration, pair.settings)
-    stereo.use_projector(projector)
+    stereo.use_projector(pair.projector)
     stereo.process(pair.left, pair.right)
-    return samples_from(stereo, pair.disparity, pair.visible | pair.alone)
+    return samples_from(stereo, pair.disparity, np.isfinite(pair.disparity))
 
 
 def samples_from(stereo, disparity, seen):

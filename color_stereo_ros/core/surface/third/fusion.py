@@ -119,7 +119,7 @@ class Fusion:
 
     def __init__(self, grid, model=None):
         """Take the fitted numbers."""
-        model = vars(TUNING.trust) if model is None else model
+        model = vars(TUNING.odds) if model is None else model
         self.grid = grid
         self.form, self.agree, self.two_apart, self.third_apart, self.firm = (
             np.array(model[name], F4) for name in MODEL_NAMES)

@@ -185,7 +185,7 @@ class UseTuning(Constants):
 
 
 @dataclass(frozen=True)
-class TrustTuning(Constants):
+class OddsTuning(Constants):
     """Log-odds of being right within 1 px; all forms are upper triangular, see `fusion`."""
 
     form: tuple = constant(
@@ -213,7 +213,7 @@ class ThirdTuning(Constants):
     color: ColorTuning = ColorTuning()
     search: SearchTuning = SearchTuning()
     use: UseTuning = UseTuning()
-    trust: TrustTuning = TrustTuning()
+    odds: OddsTuning = OddsTuning()
 
 
 TUNING = ThirdTuning()
