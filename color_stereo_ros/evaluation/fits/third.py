@@ -48,7 +48,7 @@ def fit(pairs, options):
     """Fit to pairs, see `trust.fit`; returns all parameters of models/third.yaml."""
     samples = [samples_of(pair) for pair in options.progress(pairs)]
     return fitted_model(samples), [f'pairs: {len(samples)}, nodes: '
-                                   f'{sum(len(each.two) for each in samples)}']
+                                   f'{sum(len(each.treated) for each in samples)}']
 
 
 def samples_of(pair):

@@ -42,8 +42,8 @@ class ColorTuning(Constants):
         1e-6, '1', 'Smallest sum of the channels of the pattern.',
         derived('Prevents division by 0; a white pixel has 3.'), compiled=True)
     samples: int = constant(
-        4000, '1', 'Nodes from which the map of the colors is fitted, at most.',
-        chosen('Twelve numbers are known to a thousandth; the fit takes 1 ms.'))
+        1500, '1', 'Nodes from which the map of the colors is fitted, at most.',
+        chosen('Twelve numbers are known to a hundredth; more take more time.'))
     least_samples: int = constant(
         300, '1', 'Known nodes below which the third view takes no part.',
         chosen('Less than .5 % of the nodes of a VGA pair say nothing about all others.'))
@@ -177,7 +177,7 @@ class UseTuning(Constants):
         2.0, '1', 'Factor of the variance of a plane of the third view.',
         chosen('Neighbors share noise.'))
     steps: tuple = constant(
-        ((4,), (1,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
+        ((6,), (2,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
         chosen('Two rounds, from far to near.'))
     robust_misfit: float = constant(
         9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',
