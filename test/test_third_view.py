@@ -352,3 +352,15 @@ def test_places_of_nodes_are_those_of_the_sweep():
     expected = naive_sweep.place(given['sweep'], 2 * 2 * 3 + 0.5, 2 * 2 * 4 + 0.5,
                                  given['d'][PAD + 8, PAD + 6])[0]
     np.testing.assert_allclose(out[:, 4, 3], expected, rtol=1e-5)
+
+
+def test_nothing_compiles_after_a_projector_is_taken():
+    rig = ColorStereo(CALIBRATION, settings())
+    rig.use_projector(projector())
+    kernels = (claim_places, find_contested, linearize_sweep, paths_along_columns, sweep_costs,
+               paths_along_rows, places_of_nodes, sum_windows, sweep_misfits, take_better,
+               cheapest_disparities)
+    before = [len(kernel.signatures) for kernel in kernels]
+    result = rig.process(*pair())
+    assert (result.views & 2).any()
+    assert before == [len(kernel.signatures) for kernel in kernels] and min(before) > 0

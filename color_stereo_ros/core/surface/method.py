@@ -176,11 +176,14 @@ class SurfaceMethod:
         """
         if not self.may_use_projector:
             return
-        if self.third is None and model is not None:
+        first = self.third is None
+        if first and model is not None:
             from .third.view import ThirdView
             self.third = ThirdView(self, Arena())
         if self.third is not None:
             self.third.adopt(model, pattern)
+            if first:
+                self.third.warm(self.planes, self.trust.verdict)
 
     @property
     def may_use_projector(self):

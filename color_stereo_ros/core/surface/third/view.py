@@ -8,6 +8,7 @@ import numpy as np
 
 from ...compiled import Arena
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
+from ..pair_model import PairModel
 from ..planes import LeastSquares, PlaneField
 from ..quality import Quality
 from .colors import explained, fitted_colors, Light, local_light
@@ -181,6 +182,32 @@ class ThirdView:
         found = self.found = self.measure(planes, verdict, linearized, pair)
         return None if found is None else self.fusion.fuse(found, verdict, planes)
 
+    def neutral_light(self):
+        """Return the Light of a camera that sees the pattern on white surfaces."""
+        shape = self.grid.shape
+        self.coarse_light = np.ones((3, *self.coarse.disparity.shape), F4)
+        return Light(np.eye(3, 4, dtype=F4), np.ones((3, *shape), F4), np.ones(shape, F4), F4(1))
+
+    def warm(self, planes, verdict):
+        """
+        Run all kernels once, so that the first pair with a projector is not late.
+
+        Parameters
+        ----------
+        planes : PlaneField
+            Of the two cameras; not changed.
+        verdict : Verdict
+
+        """
+        nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
+        self.linearize(self.witness_solver, planes, light, self.grid.tiles[:1], nothing,
+                       self.seen.misfit)
+        self.fill(planes, nothing, light, self.solver.linearized, PairModel.neutral(self.views),
+                  nothing)
+        around = self.around(self.planes.misfit)
+        self.fusion.fuse(Found(self.planes, nothing, around, nothing, around, self.std(),
+                               self.dim(nothing), self.projected), verdict, planes)
+
     def dim(self, firm):
         """Return the log of how much brighter firm nodes around are, float32 (rows, columns)."""
         f, (h, w) = self.coarse.factor, self.coarse.disparity.shape
@@ -221,11 +248,7 @@ class ThirdView:
         """
         left, coarse, grid = self.views.left, self.coarse, self.grid
         coarse.fill_colors(left, self.views.right)
-        light = self.last_light
-        if light is None:
-            light = Light(np.eye(3, 4, dtype=F4), np.ones((3, *grid.shape), F4),
-                          np.ones(grid.shape, F4), F4(1))
-            self.coarse_light = np.ones((3, *coarse.disparity.shape), F4)
+        light = self.neutral_light() if self.last_light is None else self.last_light
         lit = np.zeros(grid.shape, bool)
         lit[grid.inner] = ((left.variance[grid.inner] < SILENT_VARIANCE)
                            & (left.s[grid.inner] > F4(1)))
