@@ -158,7 +158,7 @@ def test_the_left_camera_measures_alone_with_the_projector():
 def test_the_left_camera_alone_measures_nothing_without_a_projector():
     rig = stereo()
     rig.use_projector(None)
-    with pytest.raises(SettingsError, match='no projector is in use'):
+    with pytest.raises(SettingsError, match='the projector is not known'):
         rig.process_left(pair()[0])
 
 

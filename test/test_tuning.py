@@ -59,6 +59,7 @@ GLOBALS = {
     'color_map',          # the shape of an array
     'SUBPIXEL_CODES',     # names of modes
     'NEIGHBORS',          # the four of them
+    'WARM',               # the size of a pattern that nobody sees
     '(RIGHT_CAMERA, PROJECTOR)',  # bits of `views`
     'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }

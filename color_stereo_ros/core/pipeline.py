@@ -2,7 +2,7 @@
 """The sensor as one object: a calibrated color pair in, a range result out."""
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from threading import Lock
 from time import perf_counter
 
@@ -12,13 +12,15 @@ from ..errors import CalibrationError, SettingsError
 from .cameras.rectification import Rectifier
 from .compiled import refuse_after_fork
 from .methods import make_method
-from .patterns.making import make_pattern
+from .projector.patches import Measured
+from .projector.tracking import Given, Track
 from .results import RangeResult
 from .rows.alignment import Alignment
 from .rows.estimate import resumed
 from .rows.search import search
 from .settings import Settings
 from .status import Status
+from .trackers import is_makable, tracker_of
 from .triangulation import disparity_limits
 
 # The kernels own their buffers and numba's threading layers do not all allow parallel calls.
@@ -39,7 +41,9 @@ class ColorStereo:
         The images arrive rectified already: only P of the calibration is used.
     search_at_once : bool
         Where the views of a pair do not agree anywhere, search for the rows within `process`,
-        which takes up to half a second. False: the caller does it by `search_rows` and `adopt`.
+        which takes up to half a second; where the projector is not known, search for it, which
+        takes up to a second. False: the caller does it by `search_rows` and `adopt`, and by
+        `search_projector` and `adopt_projector`.
 
     Raises
     ------
@@ -64,10 +68,10 @@ class ColorStereo:
         self._rectifier = Rectifier(calibration, rectified_input)
         self._method = make_method(settings, calibration, self._limits, self._rectifier)
         self._search_at_once = search_at_once
-        self._alignment = self._projector = self._pattern = None
+        self._alignment = self._projector = None
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)
         self.process(black, black)
-        self._alignment = None
+        self._alignment = self._projector = None
 
     def rectify(self, left, right):
         """
@@ -91,12 +95,12 @@ class ColorStereo:
         refuse_after_fork()
         return self._rectifier.rectify(left, right)
 
-    def process(self, left, right, alignment=None):
+    def process(self, left, right, alignment=None, projector=None):
         """
         Measure one pair of images.
 
         By default the object carries from pair to pair what it knows of the rows of the two
-        views (`RangeResult.alignment`).
+        views (`RangeResult.alignment`) and of the projector (`RangeResult.projector`).
 
         Parameters
         ----------
@@ -104,8 +108,11 @@ class ColorStereo:
             Raw RGB images, taken at the same moment; or gray ones, uint8 or uint16 (H, W). May be
             called from several threads.
         alignment : Alignment, optional
-            What is known of the rows before this pair. The result then depends on the pair and
-            on this value only, and the object does not carry it on.
+            What is known of the rows before this pair. The object then does not carry on what
+            the pair shows of them.
+        projector : Track, optional
+            The same for the projector. With both, the result depends on the pair and these
+            values only.
 
         Returns
         -------
@@ -122,21 +129,26 @@ class ColorStereo:
         left, right = self._rectifier.checked(left, right)
         clock = Stopwatch()
         kept = left.copy()  # the image is made when asked, and the caller may reuse its arrays
+        image = cache(partial(self._rectifier.rectify_left, kept))
         with KERNELS:
-            found = self._measure(_read_only(kept), _read_only(right), alignment, clock)
-        return self._result(found, kept, clock)
+            found = self._measure(_read_only(kept), _read_only(right), alignment, projector,
+                                  image, clock)
+        return self._result(found, image, clock)
 
-    def process_left(self, left):
+    def process_left(self, left, projector=None):
         """
         Measure one image with left camera and projector, without the right camera.
 
         What is known of the colors comes from the last pair. Disparities are those that the right
-        camera would see.
+        camera would see. Standard deviations grow by what the image shows of a projector that has
+        moved; where it does not fit at all, no pixel has a range.
 
         Parameters
         ----------
         left : numpy.ndarray, uint8, shape (H, W, 3)
             Raw RGB image.
+        projector : Track, optional
+            As in `process`; its model counts, also if the last pair did not agree with it.
 
         Returns
         -------
@@ -151,30 +163,41 @@ class ColorStereo:
 
         """
         refuse_after_fork()
-        if self._projector is None:
-            raise SettingsError('no projector is in use: one camera alone measures nothing')
+        track = self._projector if projector is None else projector
+        if not self.may_use_projector or track is None or track.model is None:
+            raise SettingsError('the projector is not known: one camera alone measures nothing')
         kept = self._rectifier.checked(left, left)[0].copy()
+        image = cache(partial(self._rectifier.rectify_left, kept))
         clock = Stopwatch()
         with KERNELS:
-            found = self._method.measure_left(_read_only(kept), clock)
-        return self._result(found, kept, clock)
+            found = self._method.measure_left(_read_only(kept), clock,
+                                              Given(track, image, self._tracker))
+            if projector is None:
+                self._projector = found.projector
+        return self._result(found, image, clock)
 
-    def _result(self, found, kept, clock):
+    def _result(self, found, image, clock):
         if found.views is None:
             found = replace(found, views=(found.status == Status.VALID).view(np.uint8))
         return RangeResult(
-            **vars(found), image_source=partial(self._rectifier.rectify_left, kept),
+            **vars(found), image_source=image,
             geometry=self.calibration.geometry, disparity_limits=self._limits,
             seconds=clock.seconds)
 
-    def _measure(self, left, right, alignment, clock):
+    def _measure(self, left, right, alignment, projector, image, clock):
         if not hasattr(self._method, 'match_aligned'):
             return self._method.measure(left, right, clock)
         searched = partial(self._searched, left, right) if self._search_at_once else None
+        given = None if not self.may_use_projector else Given(
+            self._projector if projector is None else projector, image, self._tracker,
+            self._search_at_once)
         found = self._method.measure(
-            left, right, clock, self._alignment if alignment is None else alignment, searched)
+            left, right, clock, self._alignment if alignment is None else alignment, searched,
+            given)
         if alignment is None:
             self._alignment = found.alignment
+        if projector is None:
+            self._projector = found.projector
         return found
 
     def _searched(self, left, right):
@@ -217,35 +240,64 @@ class ColorStereo:
             self._alignment = alignment
 
     def reset(self):
-        """Forget what is known of the rows of the two views."""
-        self.adopt(None)
+        """Forget what is known of the rows of the two views and of the projector."""
+        with KERNELS:
+            self._alignment = self._projector = None
+
+    @property
+    def may_use_projector(self):
+        """Return whether settings, pattern and method allow the projector as a third view."""
+        return (getattr(self._method, 'may_use_projector', False)
+                and is_makable(self.settings.pattern))
+
+    def _tracker(self):
+        return tracker_of(self.settings.pattern, self.calibration.geometry)
 
     @property
     def projector(self):
-        """Return the ProjectorModel in use, None while two views measure."""
-        return self._projector
+        """Return what is known of the projector before the next pair, a Track; None: no use."""
+        if not self.may_use_projector:
+            return None
+        return Track() if self._projector is None else self._projector
+
+    def search_projector(self, result):
+        """
+        Search a pair for the projector, from nothing.
+
+        Takes up to a second at 640 x 480; may run beside `process` in another thread. Of use
+        where `result.projector.due`.
+
+        Parameters
+        ----------
+        result : RangeResult
+            Of two views.
+
+        Returns
+        -------
+        track : Track
+            For `adopt_projector`.
+
+        """
+        return self._tracker().search(result.projector, Measured.of(result))
+
+    def adopt_projector(self, track):
+        """Carry this Track to the next pair, instead of what the last one showed."""
+        with KERNELS:
+            self._projector = track
 
     def use_projector(self, model):
         """
-        Take the projector as a third view from the next pair on.
+        Take a projector of known geometry as a third view until `reset`; nothing is searched.
 
-        Without effect where `matching.third_view` is off, the pattern is unknown or repeats, or
-        the method knows no third view.
+        Without effect where `may_use_projector` is False.
 
         Parameters
         ----------
         model : ProjectorModel or None
-            None: two views from here on.
+            None: two views measure.
 
         """
-        refuse_after_fork()
-        usable = getattr(self._method, 'may_use_projector', False)
-        with KERNELS:
-            if usable:
-                if model is not None and self._pattern is None:
-                    self._pattern = make_pattern(self.settings.pattern)
-                self._method.use_projector(model, self._pattern)
-            self._projector = model if usable else None
+        self.adopt_projector(Track.known(model))
 
     def _unknown(self):
         geometry = self.calibration.geometry

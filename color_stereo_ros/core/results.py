@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from .cameras.geometry import RectifiedGeometry
+from .projector.tracking import Track
 from .rows.alignment import Alignment
 from .status import Status
 from .triangulation import points_from_depth
@@ -34,6 +35,12 @@ class Measurement:
     """
     alignment: Alignment | None = field(default=None, kw_only=True)
     """By how much the rows of the two views disagree; None: the method does not measure it."""
+    projector: Track | None = field(default=None, kw_only=True)
+    """
+    What is known of the projector, and its `sentence()`.
+
+    None: `matching.third_view` is off, or pattern or method do not allow a third view.
+    """
     rival_share: float = field(default=0.0, kw_only=True)
     """
     Share of the lit surface that matches at several places, 0..1, where a pattern whose colors

@@ -5,7 +5,7 @@ from .features import left_right_pairs, PatternFeatures
 from .finding import Finding, ProjectorFinder, Reason
 from .model import ProjectorModel
 from .patches import Measured
-from .tracking import ProjectorTracker, Track
+from .tracking import Given, ProjectorTracker, Track
 
-__all__ = ['Finding', 'Measured', 'PatternFeatures', 'ProjectorFinder', 'ProjectorModel',
+__all__ = ['Finding', 'Given', 'Measured', 'PatternFeatures', 'ProjectorFinder', 'ProjectorModel',
            'ProjectorTracker', 'Reason', 'Track', 'left_right_pairs']

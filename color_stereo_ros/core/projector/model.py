@@ -125,8 +125,10 @@ class ProjectorModel:
     def sentence(self):
         """Return field of view, place and residual of the projector as one sentence."""
         wide, high = self.field_of_view
-        return (f'projector found: {wide:.0f} x {high:.0f} degrees, {place(self.center)} the '
-                f'left camera, residual {short(self.residual, 1)} px')
+        text = (f'projector found: {wide:.0f} x {high:.0f} degrees, {place(self.center)} the '
+                'left camera')
+        known = np.isfinite(self.residual)
+        return text + (f', residual {short(self.residual, 1)} px' if known else '')
 
     def but(self, **changes):
         """Return this model with some fields replaced."""

@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .adjustment import (
-    adjust, carried_prior, free_prior, moved, robust_scale, State, to_parameters, to_unknowns)
+    adjust, carried_prior, free_prior, moved, predicted, robust_scale, State, to_parameters, to_unknowns)
 from .finding import Reason
 from .model import COUNT, ProjectorModel
 from .patches import chromatic, placed, sites
 from .tuning import TUNING
+
+UNEXPLAINED = ', but the colors of the pattern do not explain the image: two views measure'
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +37,34 @@ class Track:
     """Pairs that do not agree before the next search."""
     tries: int = 0
     """Searches without success since the projector was seen."""
+    held: bool = False
+    """The caller knows the projector, or that there is none: nothing is searched or followed."""
+    explains: bool = True
+    """Whether the colors of the pattern explain the last pair; if not, two views measure it."""
+    prepared: ProjectorModel | None = None
+    """The model for which the third view has blurred the pattern; a new one if that is far off."""
+
+    @classmethod
+    def known(cls, model):
+        """Return a track that holds a model as it is; None: two views only."""
+        return cls(model, agreeing=model is not None, held=True)
 
     @property
     def due(self):
         """Return whether a search may help: the projector is not where the model says."""
-        return not self.agreeing and self.wait == 0
+        return not self.held and not self.agreeing and self.wait == 0
+
+    @property
+    def usable(self):
+        """Return whether the projector takes part in the pair."""
+        return self.agreeing and self.model is not None
 
     def sentence(self):
         """Return what people should know of the projector, as one sentence."""
         if self.agreeing:
-            return self.model.sentence()
+            return self.model.sentence() + ('' if self.explains else UNEXPLAINED)
+        if self.held:
+            return 'two views measure: the projector is switched off as a third view'
         if self.reason not in (None, Reason.FOUND):
             return self.reason.value
         return 'projector not found yet' if self.model is None else (
@@ -53,6 +73,24 @@ class Track:
     def but(self, **changes):
         """Return this track with some fields replaced."""
         return replace(self, **changes)
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What a caller brings for the projector of one pair."""
+
+    track: Track | None
+    """What is known before the pair; None: nothing."""
+    image: object
+    """Called without arguments, returns the rectified left image, uint8 (H, W, 3)."""
+    tracker: object
+    """Called without arguments, returns the ProjectorTracker; the first call takes a moment."""
+    search: bool = False
+    """Search within the pair; False: the caller searches beside the pairs."""
+
+    def pattern(self):
+        """Return what the projector shows, uint8 (H', W', 3)."""
+        return self.tracker().finder.pattern
 
 
 class ProjectorTracker:
@@ -126,11 +164,57 @@ class ProjectorTracker:
 
         """
         found = self.finder.find(measured, inside, track.model)
-        if found.model is None:
+        if found.model is None or not np.isfinite(found.smoothing):
+            # without patches there is nothing that later pairs could be compared with
+            reason = Reason.BLIND if found.reason is Reason.FOUND else found.reason
             tries = track.tries + 1
-            return track.but(reason=found.reason, agreeing=False, tries=tries,
+            return track.but(reason=reason, agreeing=False, tries=tries,
                              wait=min(2 ** tries, TUNING.track.largest_wait))
         return Track(found.model, found.smoothing, True, reason=found.reason)
+
+    def across(self, track, measured):
+        """
+        Return how far patches lie off their epipolar lines, where the projector gave the depth.
+
+        A depth from left camera and projector always explains the way along the line. A smooth
+        field is fitted to the ways across: those of single patches are noise.
+
+        Parameters
+        ----------
+        track : Track
+            With a model.
+        measured : Measured
+
+        Returns
+        -------
+        apart : float
+            Root mean square of the field, px of the pattern; inf where there are too few patches.
+        share : float
+            Of the patches that were found near their predicted places.
+        gain : float
+            Disparity per px of the pattern along the lines, median.
+
+        """
+        tuning = TUNING.track
+        where = sites(measured, tuning.spacing)
+        where = where.every(len(where) // tuning.most_sites + 1)
+        if len(where) < tuning.least_patches or not np.isfinite(track.smoothing):
+            return float('inf'), 0.0, 0.0
+        evidence, share, _ = placed(track.model, measured, self._colors(track.smoothing), where,
+                                    tuning.rounds)
+        if len(evidence) < tuning.least_patches:
+            return float('inf'), share, 0.0
+        places, _, along, _ = predicted(track.model, evidence.points)
+        length = np.hypot(*along.T)
+        error = evidence.places - places
+        across = (error[:, 0] * along[:, 1] - error[:, 1] * along[:, 0]) / length
+        depth = evidence.points[:, 2]
+        # dZ/dd = Z^2 / (f B)
+        gain = measured.geometry.focal_baseline / (length * depth ** 2)
+        rays = evidence.points / depth[:, None]
+        inner = np.abs(across) < 3 * np.median(np.abs(across))
+        field = rays @ np.linalg.lstsq(rays[inner], across[inner], rcond=None)[0]
+        return float(np.sqrt(np.mean(field ** 2))), share, float(np.median(gain))
 
     def _colors(self, smoothing):
         if self._smooth[0] != smoothing:
@@ -187,6 +271,13 @@ def updated(model, evidence):
     return fresh.but(covariance=convert @ covariance @ convert.T, matches=len(evidence),
                      residual=apart_from(fresh, evidence), color_map=model.color_map,
                      color_quality=model.color_quality)
+
+
+def aged(track, depth):
+    """Return a track whose model has not been seen for one more pair; depth: of the scene, m."""
+    convert = to_parameters(track.model)
+    spread = drifted(to_unknowns(track.model), depth)
+    return track.but(model=track.model.but(covariance=convert @ spread @ convert.T))
 
 
 def drifted(covariance, depth):

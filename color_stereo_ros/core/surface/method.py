@@ -50,6 +50,8 @@ from .planes import LeastSquares, PlaneField
 from .quality import Quality
 from .rows import RowTracker
 from .texture import detail, TextureSearch
+from .third.following import Follower
+from .third.view import ThirdView
 from .trust import Trust
 from .tuning import detailed_tuning, tuning_for
 from .views import Views
@@ -102,11 +104,15 @@ class SurfaceMethod:
         self.aligner = None if choice == 'off' else Aligner(
             (grid.width, grid.height), choice == 'correct')
         self.evening = Evening(settings.matching, tuning)
-        self.third = None
+        self.third = self.follower = None
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
             self.warm_refinements()
         self.warm_brightness()
+        if self.may_use_projector:
+            self.third = ThirdView(self, Arena())
+            self.third.warm(self.planes, self.trust.verdict)
+            self.follower = Follower(self.geometry, self.limits)
 
     def warm_refinements(self):
         """Run the kernels of colors and bends: the black pair has nothing to match or unbend."""
@@ -126,7 +132,7 @@ class SurfaceMethod:
         self.linearize(views, planes.seed(found), PairModel.neutral(views), planes.tiles[:1])
         brightness.rest()
 
-    def measure(self, left, right, clock, alignment=None, search=None):
+    def measure(self, left, right, clock, alignment=None, search=None, given=None):
         """
         Measure one pair.
 
@@ -140,6 +146,8 @@ class SurfaceMethod:
             What is known of the rows of the views.
         search : callable, optional
             See `Aligner.align`.
+        given : Given, optional
+            What is known of the projector; None: two views measure.
 
         Returns
         -------
@@ -158,38 +166,17 @@ class SurfaceMethod:
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
         self.make_std_true(verdict, planes, alignment)
-        if identical(left, right):  # at disparity 0 there is nothing to measure
+        same = identical(left, right)
+        if same:  # at disparity 0 there is nothing to measure
             np.minimum(verdict.log_odds, F4(0), out=verdict.log_odds)
         clock.lap('judge', verdict)
-        fused = None if identical(left, right) else self.with_third_view(verdict, pair, clock)
-        measurement = self.expanded(verdict, fused)
+        measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
+                                      self.trust.least_odds)
         clock.lap('expand', measurement)
+        if self.follower is not None and given is not None:
+            blind = same or self.brightness.active
+            measurement = self.with_third_view(measurement, verdict, pair, given, blind, clock)
         return replace(measurement, alignment=alignment, rival_share=self.rival_share)
-
-    def use_projector(self, model, pattern):
-        """
-        Take the projector as a third view from the next pair on.
-
-        Without effect unless `matching.third_view` allows it and the pattern never repeats.
-
-        Parameters
-        ----------
-        model : ProjectorModel or None
-            None: two views from here on.
-        pattern : numpy.ndarray, uint8, shape (H, W, 3), or None
-            What the projector shows, linear light.
-
-        """
-        if not self.may_use_projector:
-            return
-        first = self.third is None
-        if first and model is not None:
-            from .third.view import ThirdView
-            self.third = ThirdView(self, Arena())
-        if self.third is not None:
-            self.third.adopt(model, pattern)
-            if first:
-                self.third.warm(self.planes, self.trust.verdict)
 
     @property
     def may_use_projector(self):
@@ -198,29 +185,44 @@ class SurfaceMethod:
         return (matching.third_view != 'off' and self.expectation.aperiodic
                 and matching.refinements > 0)
 
-    def with_third_view(self, verdict, pair, clock):
+    def with_third_view(self, two, verdict, pair, given, blind, clock):
         """
-        Return what two cameras and projector hold of every node, None without a projector.
+        Return what two cameras and projector measure; two where the projector takes no part.
 
         Parameters
         ----------
+        two : Measurement
+            Of the two cameras.
         verdict : Verdict
             Of the two cameras; stays as it is.
         pair : PairModel
+        given : Given
+        blind : bool
+            The pair cannot show the projector: its images are the same, or without colors.
         clock : Stopwatch
 
         Returns
         -------
-        fused : Fused or None
+        measurement : Measurement
 
         """
-        if self.third is None or self.third.projected is None or self.brightness.active:
-            return None
+        if blind:
+            return replace(two, projector=self.follower.passed(given))
+        track = self.follower.followed(given, two)
+        clock.lap('projector', track)
+        if not track.usable:
+            return replace(two, projector=track)
+        self.third.adopt(track.model, track.prepared, given.pattern)
         fused = self.third.fused(self.planes, verdict, self.least_squares.linearized, pair)
         clock.lap('third view', fused)
-        return fused
+        track = track.but(explains=fused is not None)
+        if fused is None:
+            return replace(two, projector=track)
+        measurement = self.expanded(fused)
+        clock.lap('expand', measurement)
+        return replace(measurement, projector=track)
 
-    def measure_left(self, left, clock):
+    def measure_left(self, left, clock, given):
         """
         Measure with left camera and projector, without the right camera.
 
@@ -229,30 +231,34 @@ class SurfaceMethod:
         left : numpy.ndarray, uint8, shape (H, W, 3)
             Raw RGB image.
         clock : Stopwatch
+        given : Given
+            Its track has a model.
 
         Returns
         -------
-        measurement : Measurement or None
-            None without a projector.
+        measurement : Measurement
 
         """
-        if self.third is None or self.third.projected is None:
-            return None
+        track = given.track
+        if track.prepared is None:
+            track = self.follower.prepared(track.but(agreeing=True))
         views = self.views.load(left, left, np.zeros(COUNT))
         clock.lap('colors', views)
+        self.third.adopt(track.model, track.prepared, given.pattern)
+        if not np.isfinite(track.smoothing):  # nobody has searched
+            track = track.but(smoothing=self.third.projected.blur)
         fused = self.third.measure_alone(PairModel.neutral(views))
         clock.lap('third view', fused)
-        measurement = self.expanded(None, fused)
+        measurement = self.expanded(fused)
         clock.lap('expand', measurement)
+        measurement = self.follower.alone(given, track, measurement)
+        clock.lap('projector', measurement)
         return measurement
 
-    def expanded(self, verdict, fused):
-        """Return the Measurement of the nodes of two views, or of three; see `with_third_view`."""
-        least = self.trust.least_odds
-        if fused is None:
-            return measured_pixels(self.planes, verdict, self.geometry, self.limits, least)
+    def expanded(self, fused):
+        """Return the Measurement of the nodes of three views."""
         measurement = measured_pixels(fused.planes, fused.verdict, self.geometry, self.limits,
-                                      least, fused.beyond)
+                                      self.trust.least_odds, fused.beyond)
         return replace(measurement, views=fused.views_of(measurement.status))
 
     def bend(self, views, planes, pair, clock):
@@ -510,6 +516,7 @@ class SurfaceMethod:
         neutral = PairModel.neutral(views)
         self.least_squares.linearize(views, planes, neutral, planes.tiles)
         return neutral.measured(views, planes, self.match_colors, self.tuning)
+
     def linearize(self, views, planes, pair, tiles, fold=True):
         """Compare the nodes of some tiles in all carriers; see `LeastSquares.linearize`."""
         solver = self.least_squares

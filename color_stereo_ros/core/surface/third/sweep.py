@@ -84,6 +84,57 @@ def straightened(pattern, model):
                      borderMode=cv2.BORDER_REPLICATE)
 
 
+def prepared_for(model, prepared, geometry, limits):
+    """
+    Return for which model the pattern is straightened and blurred, when another was before.
+
+    From pair to pair a model changes by little. The images of the pattern take longer than a pair,
+    and are kept until they would be wrong by what counts.
+
+    Parameters
+    ----------
+    model : ProjectorModel
+        Of this pair.
+    prepared : ProjectorModel or None
+        That of the images so far.
+    geometry : RectifiedGeometry
+    limits : numpy.ndarray, shape (2,)
+        Smallest and largest disparity, px.
+
+    Returns
+    -------
+    prepared : ProjectorModel
+        The same object, or the model of this pair.
+
+    """
+    tuning = TUNING.sweep
+    if prepared is None or prepared.size != model.size:
+        return model
+    if distortion_apart(model, prepared) > tuning.prepared_places:
+        return model
+    middle = float(np.mean(limits))
+    sweeps = [sweep_matrix(each, geometry) for each in (model, prepared)]
+    for measure in (magnification, places_per_disparity):
+        new, old = (measure(sweep, geometry, middle) for sweep in sweeps)
+        if not abs(new - old) < tuning.prepared_scale * old:
+            return model
+    return prepared
+
+
+def distortion_apart(one, other):
+    """Return by how much two lenses move the places of the pattern differently at most, px."""
+    width, height = one.size
+    u, v = np.meshgrid(np.linspace(0, width - 1, 5), np.linspace(0, height - 1, 5))
+    pixels = np.stack([u, v, np.ones_like(u)], axis=-1)
+
+    def moved(model):
+        rays = pixels @ np.linalg.inv(model.camera_matrix).T
+        stretch = model.distortion * (rays[..., :1] ** 2 + rays[..., 1:2] ** 2)
+        return (stretch * rays)[..., :2] @ model.camera_matrix[:2, :2].T
+
+    return float(np.abs(moved(one) - moved(other)).max())
+
+
 def geometry_variance(model, geometry, d):
     """
     Return what the uncertainty of the projector does to a disparity over the image.

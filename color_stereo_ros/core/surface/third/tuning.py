@@ -30,6 +30,13 @@ class SweepTuning(Constants):
         1e-3, 'px', 'Smallest disparity against infinity, and smallest movement of the place.',
         derived('Prevents division by 0.'))
 
+    prepared_places: float = constant(
+        0.02, 'px', 'Largest change of the distortion for which the pattern is straightened anew.',
+        derived('Less than the error of its interpolation.'))
+    prepared_scale: float = constant(
+        0.03, '1', 'Largest change of the scale for which the pattern is blurred anew.',
+        derived('A blur of 1 px is off by .03 px.'))
+
 
 @dataclass(frozen=True)
 class ColorTuning(Constants):
@@ -185,6 +192,21 @@ class UseTuning(Constants):
 
 
 @dataclass(frozen=True)
+class AloneTuning(Constants):
+    """Left camera and projector without the right camera."""
+
+    least_share: float = constant(
+        0.5, '1', 'Share of the patches that must be found, of what is usual.',
+        derived('As `projector.track.least_share`.'))
+    farthest: float = constant(
+        2.0, 'px', 'Largest distance of patches from their epipolar lines, px of the pattern.',
+        chosen('Colors are matched wrongly from a quarter of a structure on.'))
+    factor: float = constant(
+        2.0, '1', 'How much farther places are moved along the lines than across.',
+        chosen('A projector moves in any direction; two deviations.'))
+
+
+@dataclass(frozen=True)
 class OddsTuning(Constants):
     """Log-odds of being right within 1 px; all forms are upper triangular, see `fusion`."""
 
@@ -213,6 +235,7 @@ class ThirdTuning(Constants):
     color: ColorTuning = ColorTuning()
     search: SearchTuning = SearchTuning()
     use: UseTuning = UseTuning()
+    alone: AloneTuning = AloneTuning()
     odds: OddsTuning = OddsTuning()
 
 

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pattern as a view: measures where the right camera sees nothing, and bears witness."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from ...compiled import Arena
+from ...projector.model import COUNT, ProjectorModel
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
 from ..planes import LeastSquares, PlaneField
@@ -14,10 +15,12 @@ from ..quality import Quality
 from .colors import explained, fitted_colors, Light, local_light
 from .fusion import Fusion
 from .search import SweepSearch
-from .sweep import geometry_variance, magnification, packed, places_per_disparity, straightened, sweep_matrix
+from .sweep import (
+    geometry_variance, magnification, packed, places_per_disparity, straightened, sweep_matrix)
 from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
 from .tuning import TUNING
 
+WARM = 8, 8  # size of a pattern that nobody sees, px
 NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
 
 
@@ -36,6 +39,8 @@ class Projected:
     """int64 (2,), height and width of both images, px."""
     scale: float
     """Pixels of the pattern that light one pixel of the left image."""
+    blur: float
+    """Of `image`, standard deviation, px of the pattern."""
     per_disparity: float
     """How many pixels of the left image a disparity of 1 px moves the place."""
 
@@ -103,23 +108,30 @@ class ThirdView:
         self.quality = Quality(grid, method.tuning.quality, arena)
         self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
         self.everywhere = np.ones(grid.shape, bool)
-        self.projected = self.search = self.found = self.last_light = None
+        self.projected = self.prepared = self.search = self.found = self.last_light = None
         self.fusion = Fusion(grid)
 
-    def adopt(self, model, pattern):
+    def adopt(self, model, prepared, pattern):
         """
         Measure with a projector from here on.
 
         Parameters
         ----------
-        model : ProjectorModel or None
-        pattern : numpy.ndarray, uint8, shape (H, W, 3)
-            Linear light.
+        model : ProjectorModel
+        prepared : ProjectorModel
+            Decides how the pattern is straightened and blurred; see `sweep.prepared_for`.
+        pattern : callable
+            Returns what the projector shows, uint8 (H, W, 3), linear light.
 
         """
-        if model is None:
-            self.projected = None
-            return
+        if self.projected is None or self.prepared is not prepared:
+            self.prepare(prepared, pattern())
+            self.prepared = prepared
+        self.projected = replace(self.projected, model=model,
+                                 sweep=sweep_matrix(model, self.geometry).astype(F4))
+
+    def prepare(self, model, pattern):
+        """Make all that a model and a pattern say; see `adopt`."""
         middle = float(np.mean(self.limits))
         sweep = sweep_matrix(model, self.geometry)
         scale = magnification(sweep, self.geometry, middle)
@@ -132,7 +144,8 @@ class ThirdView:
         wide = np.sqrt(variance + (step / 4 * TUNING.search.blur) ** 2)
         coarse_image = cv2.GaussianBlur(light, (0, 0), scale * wide)
         self.projected = Projected(model, sweep.astype(F4), packed(image), packed(coarse_image),
-                                   np.array(light.shape[:2]), scale, per_disparity)
+                                   np.array(light.shape[:2]), scale,
+                                   scale * float(np.sqrt(variance)), per_disparity)
         spacing = TUNING.search.spacing * step / max(per_disparity, TUNING.search.least_ratio)
         self.search = SweepSearch(self.coarse, self.limits, float(spacing), Arena())
 
@@ -199,6 +212,7 @@ class ThirdView:
         verdict : Verdict
 
         """
+        self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
         nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
         self.linearize(self.witness_solver, planes, light, self.grid.tiles[:1], nothing,
                        self.seen.misfit)
@@ -207,6 +221,7 @@ class ThirdView:
         around = self.around(self.planes.misfit)
         self.fusion.fuse(Found(self.planes, nothing, around, nothing, around, self.std(),
                                self.dim(nothing), self.projected), verdict, planes)
+        self.projected = self.prepared = None
 
     def dim(self, firm):
         """Return the log of how much brighter firm nodes around are, float32 (rows, columns)."""
@@ -392,3 +407,12 @@ class ThirdView:
         count = ok.sum(axis=(1, 3))
         mean = d.sum(axis=(1, 3)) / np.maximum(count, 1)
         return np.where(count == f * f, mean, np.nan).astype(F4)
+
+
+def some_projector(geometry):
+    """Return a projector that stands where the right camera does, for those who need any."""
+    focal = geometry.focal_x
+    camera = np.array([[focal, 0, geometry.center_x_right], [0, focal, geometry.center_y],
+                       [0, 0, 1]])
+    return ProjectorModel(camera, 0.0, np.eye(3), np.array([-geometry.baseline, 0, 0]), WARM,
+                          np.zeros((COUNT, COUNT)))

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tracker of the projector for a pattern: made when a pair needs it, kept for others."""
+
+from functools import lru_cache
+
+from ..errors import SettingsError
+from .patterns.making import check_pattern, make_pattern
+from .patterns.registry import PATTERNS
+from .projector.finding import ProjectorFinder
+from .projector.tracking import ProjectorTracker
+
+
+def is_makable(settings):
+    """Return whether a pattern can be made."""
+    try:
+        check_pattern(settings)
+    except SettingsError:
+        return False
+    return True
+
+
+def tracker_of(settings, geometry):
+    """
+    Return what follows the projector that shows a pattern.
+
+    The pattern and its features take part of a second. The last two are kept.
+
+    Parameters
+    ----------
+    settings : PatternSettings
+    geometry : RectifiedGeometry
+
+    Returns
+    -------
+    tracker : ProjectorTracker
+
+    """
+    return _made(settings, PATTERNS[settings.type], (geometry.width, geometry.height))
+
+
+@lru_cache(maxsize=2)
+def _made(settings, entry, size):
+    """Make a tracker; an entry that was registered anew is another one."""
+    return ProjectorTracker(ProjectorFinder(make_pattern(settings), size))
