@@ -27,13 +27,13 @@ def projector(distortion=0.0):
                           np.zeros((COUNT, COUNT)))
 
 
-def surface(eye_x, x, y):
+def surface(eye_x, x, y, plate=True):
     """Return where rays of a camera at (eye_x, 0, 0) end, m, float64 (..., 3)."""
     rays = np.stack([(x - (WIDTH - 1) / 2) / FOCAL, (y - (HEIGHT - 1) / 2) / FOCAL,
                      np.ones_like(x)], axis=-1)
     eye = np.array([eye_x, 0.0, 0.0])
     near = eye + PLATE * rays
-    return np.where(on_plate(near)[..., None], near, eye + WALL * rays)
+    return np.where(on_plate(near)[..., None] & plate, near, eye + WALL * rays)
 
 
 def on_plate(points):
@@ -43,33 +43,58 @@ def on_plate(points):
             & (points[..., 1] < lower))
 
 
-def free(points, eye):
+def free(points, eye, plate=True):
     """Return which points of wall and plate see an eye, float64 (3,), that is at Z = 0."""
     share = PLATE / points[..., 2:3]
     crossing = eye + share * (points - eye)
-    return (points[..., 2] < (PLATE + WALL) / 2) | ~on_plate(crossing)
+    return (points[..., 2] < (PLATE + WALL) / 2) | ~on_plate(crossing) | (not plate)
 
 
-def light(eye_x, pattern, model, paint):
+def light(eye_x, pattern, model, paint, plate=True):
     """Return what a camera sees, float64 (H, W, 3), 0..1; paint: factors of the plate, RGB."""
     offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
     x, y = np.meshgrid(np.add.outer(np.arange(WIDTH), offsets).ravel(),
                        np.add.outer(np.arange(HEIGHT), offsets).ravel())
-    points = surface(eye_x, x, y)
+    points = surface(eye_x, x, y, plate)
     u, v = model.project(points)
     seen = cv2.remap(pattern.astype(np.float32) / 255, u.astype(np.float32),
                      v.astype(np.float32), cv2.INTER_CUBIC).clip(0)
-    seen = seen * free(points, model.center)[..., None]
+    seen = seen * free(points, model.center, plate)[..., None]
     seen = np.where((points[..., 2] < (PLATE + WALL) / 2)[..., None], seen * paint, seen)
     return seen.reshape(HEIGHT, SAMPLES, WIDTH, SAMPLES, 3).mean(axis=(1, 3))
 
 
-@lru_cache(maxsize=8)
-def pair(seed=PATTERN.seed, paint=(1.0, 1.0, 1.0), noise=1):
-    """Return left and right image, uint8 (H, W, 3), under the pattern of a seed."""
+def shown(seed, what):
+    """Return what the projector shows, uint8 (384, 512, 3)."""
     pattern = make_pattern(PatternSettings(width=512, height=384, feature_size=9.0, seed=seed))
+    if what == 'mirrored':
+        return pattern[:, ::-1]
+    if what == 'menu':
+        pattern[...] = (30, 60, 160)
+        for row, text in enumerate(('PICTURE', 'INPUT: HDMI 1', 'KEYSTONE  +12', 'LAMP  ECO')):
+            cv2.putText(pattern, text, (90, 90 + 70 * row), cv2.FONT_HERSHEY_SIMPLEX, 1.4,
+                        (250, 250, 250), 3)
+    return pattern
+
+
+def moved(x=0.0, y=0.0, z=0.0):
+    """Return the projector after it was moved by some m."""
+    return projector().but(translation=projector().translation + [x, y, z])
+
+
+@lru_cache(maxsize=16)
+def pair(seed=PATTERN.seed, paint=(1.0, 1.0, 1.0), noise=1, what='pattern', shift=(0.0, 0.0, 0.0),
+         plate=True):
+    """
+    Return left and right image, uint8 (H, W, 3), under the pattern of a seed.
+
+    what: 'pattern', 'mirrored' or 'menu'; shift: by which the projector was moved, m; plate:
+    whether it is there.
+
+    """
+    pattern = shown(seed, what)
     rng = np.random.default_rng(noise)
-    return tuple(exposed(light(eye, pattern, projector(), np.array(paint)), rng)
+    return tuple(exposed(light(eye, pattern, moved(*shift), np.array(paint), plate), rng)
                  for eye in (0.0, BASELINE))
 
 
