@@ -29,7 +29,7 @@ UNKNOWNS = ('log focal', 'log aspect', 'skew', 'center u', 'center v', 'k1',
             'translation x', 'translation y', 'translation z')
 """log(fx / W), log(fy / fx), s / fx, cu / W, cv / W, k1, small turn in rad, translation in m."""
 
-LENS, POSE = slice(0, 6), slice(6, 12)
+LENS = slice(0, 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +62,9 @@ class Prior:
     """What is known of the unknowns before the evidence: a Gaussian."""
 
     mean: np.ndarray
-    """float64 (6,), of the lens: `UNKNOWNS` without the pose."""
+    """float64 (6,), of the lens; that of the translation is 0, any rotation is as likely."""
     information: np.ndarray
     """float64 (12, 12), inverse of the covariance; 0 = free."""
-    model: ProjectorModel | None = None
-    """The pose of which the information speaks; None: t = 0, any rotation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +72,8 @@ class Adjusted:
     """The outcome of an adjustment."""
 
     model: ProjectorModel
-    covariance: np.ndarray
-    """float64 (12, 12), of the unknowns."""
     cost: float
     """Half the sum of the robust squares and of the prior's, in standard deviations."""
-    slow: np.ndarray
-    """float64 (M,), the modes of the depth, standard deviations."""
     agree: np.ndarray
     """bool (N,), matches that agree."""
     scale: float
@@ -127,7 +121,7 @@ def loosened(prior, kind):
     for each in FREEDOMS[kind]:
         information[each, :] = information[:, each] = 0
         information[each, each] = spread ** -2
-    return Prior(prior.mean, information, prior.model)
+    return Prior(prior.mean, information)
 
 
 def free_prior():
@@ -135,17 +129,15 @@ def free_prior():
     return Prior(np.zeros(6), np.zeros((COUNT, COUNT)))
 
 
-def carried_prior(earlier, depth, *, posed):
+def carried_prior(earlier, depth):
     """
-    Return what an earlier pair tells.
+    Return what an earlier pair tells: the lens of the projector, which may have moved.
 
     Parameters
     ----------
     earlier : ProjectorModel
     depth : float
         Median depth of the scene, m.
-    posed : bool
-        The projector has not moved; else only its lens is the same.
 
     Returns
     -------
@@ -153,13 +145,10 @@ def carried_prior(earlier, depth, *, posed):
 
     """
     tuning = TUNING.prior
-    covariance = to_unknowns(earlier) * tuning.inflation
-    floor = np.array([tuning.drift] * 6 + [tuning.turn_drift] * 3 + [tuning.drift * depth] * 3)
-    covariance += np.diag(floor ** 2)
-    if posed:
-        return Prior(lens_of(earlier), np.linalg.inv(covariance), earlier)
+    covariance = tuning.inflation * to_unknowns(earlier)[LENS, LENS]
+    covariance += np.eye(len(covariance)) * tuning.drift ** 2
     information = usual_prior(earlier.size, depth).information.copy()
-    information[LENS, LENS] = np.linalg.inv(covariance[LENS, LENS])
+    information[LENS, LENS] = np.linalg.inv(covariance)
     return Prior(lens_of(earlier), information)
 
 
@@ -260,21 +249,11 @@ def moved(model, step):
                     model.translation + step[9:12], model.size)
 
 
-def turn_between(one, other):
-    """Return w of exp([w]x) R1 = R2, float64 (3,), rad."""
-    return cv2.Rodrigues(other @ one.T)[0].ravel()
-
-
 def apart(prior, model):
     """Return how far the unknowns of a model lie from a prior, float64 (12,)."""
     away = np.zeros(COUNT)
     away[LENS] = lens_of(model) - prior.mean
-    if prior.model is None:
-        # the distance of the projector from the left camera is the length of t
-        away[9:12] = model.translation
-    else:
-        away[6:9] = turn_between(prior.model.rotation, model.rotation)
-        away[9:12] = model.translation - prior.model.translation
+    away[9:12] = model.translation  # as long as the way from the left camera to the projector
     return away
 
 
@@ -307,7 +286,8 @@ def whitened(evidence, model, slow):
     variance = evidence.sigma ** 2
     first = np.sqrt(variance + g[:, 0] ** 2)
     mixed = g[:, 0] * g[:, 1] / first
-    second = np.sqrt(np.maximum(variance + g[:, 1] ** 2 - mixed ** 2, variance * 1e-9))
+    least = TUNING.adjustment.rounding * variance
+    second = np.sqrt(np.maximum(variance + g[:, 1] ** 2 - mixed ** 2, least))
     residual[:, 0] /= first
     residual[:, 1] = (residual[:, 1] - mixed * residual[:, 0]) / second
     jacobian[:, 0] /= first[:, None]
@@ -401,7 +381,7 @@ def adjust(start, evidence, prior, rounds=None, scale=None):
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), moment)
         tried = State.of(evidence, moved(now.model, step), now.slow + step[COUNT:])
         gained = cost - tried.cost(width, prior)
-        if gained < -1e-9 * cost:
+        if gained < -tuning.rounding * cost:
             damping = max(10 * damping, tuning.damping)
             if damping > tuning.largest_damping:
                 break
@@ -422,13 +402,13 @@ def _finished(state, width, prior, cost):
     convert = to_parameters(state.model)
     model = state.model.but(covariance=convert @ covariance @ convert.T,
                             matches=int(np.count_nonzero(agree)))
-    return Adjusted(model, covariance, cost, state.slow, agree, width)
+    return Adjusted(model, cost, agree, width)
 
 
 def robust_scale(residual):
     """Return the standard deviation of residuals (N, 2) that half of them stay within, >= 1."""
-    # the median of a Rayleigh distribution is 1.1774 standard deviations
-    return max(1.0, float(np.sqrt(np.median(_square(residual)))) / 1.1774)
+    # Rayleigh: half of the squares lie below 2 log 2
+    return max(1.0, float(np.sqrt(np.median(_square(residual)) / (2 * np.log(2)))))
 
 
 def _square(residual):

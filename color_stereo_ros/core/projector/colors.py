@@ -6,6 +6,8 @@ import numpy as np
 
 from .tuning import TUNING
 
+TINY = np.finfo(np.float64).tiny
+
 
 def color_map(model, measured, pattern, evidence):
     """
@@ -39,10 +41,10 @@ def color_map(model, measured, pattern, evidence):
     for _ in range(TUNING.color.rounds):
         matrix = np.linalg.lstsq(known[good], seen[good], rcond=None)[0]
         error = np.linalg.norm(seen - known @ matrix, axis=1)
-        good = error < TUNING.color.outlier * np.median(error[good]) + 1e-9
+        good = error < TUNING.color.outlier * np.median(error[good]) + TINY
     left = np.sum((seen - known @ matrix)[good] ** 2)
     total = np.sum((seen[good] - seen[good].mean(axis=0)) ** 2)
-    return matrix.T, float(1 - left / max(total, 1e-12))
+    return matrix.T, float(1 - left / max(total, TINY))
 
 
 def _shares(image, places):

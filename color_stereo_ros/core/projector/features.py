@@ -153,7 +153,7 @@ def chromaticities(image):
         middle = float(some.mean()) if some.size else 0.0
         gain = tuning.spread / spread
         grays.append(cv2.convertScaleAbs(
-            np.maximum(gain * (color - np.float32(middle)) + np.float32(128), 0)))
+            np.maximum(gain * (color - np.float32(middle)) + np.float32(tuning.middle), 0)))
     return grays
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search for the projector, from nothing: one pair is enough."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -11,7 +11,7 @@ from .adjustment import (
 from .colors import color_map
 from .features import left_right_pairs, PatternFeatures
 from .model import ProjectorModel
-from .patches import affines, chromatic, placed, sites
+from .patches import affines, chromatic, placed, sites, warm
 from .starting import starts
 from .tuning import TUNING
 
@@ -31,8 +31,8 @@ class Reason(Enum):
              'is a picture of the pattern in the scene?')
     TWICE = ('projector not found: the pattern appears twice; is there a second projector, or a '
              'picture of the pattern?')
-    PICTURE = ('projector not found: the pattern is seen on one plane only, and other light around '
-               'it; is it a picture of the pattern?')
+    PICTURE = ('projector not found: the pattern is seen on one plane only, and other light '
+               'around it; is it a picture of the pattern?')
     FLAT = ('projector not found: the scene is too flat to tell where the projector stands; show '
             'it surfaces at different distances once')
 
@@ -74,10 +74,10 @@ class ProjectorFinder:
     """
 
     def __init__(self, pattern, size):
-        """Compute the features of the pattern."""
+        """Compute the features of the pattern and warm the kernel."""
+        warm()
         self.pattern = pattern
         self.size = pattern.shape[1], pattern.shape[0]
-        self.image_size = size
         self.features = PatternFeatures(pattern, size)
 
     def find(self, measured, inside=None, earlier=None):
@@ -114,6 +114,8 @@ class ProjectorFinder:
         where = where.every(len(where) // TUNING.find.most_sites + 1)
         found, evidence, smoothing = self._precisely(rough, evidence, measured, where, prior)
         found = self._freer(found, evidence, prior)
+        found = replace(found, model=found.model.but(
+            covariance=TUNING.find.unmodeled ** 2 * found.model.covariance))
         reason = self._late_doubt(found, evidence, measured, where, earlier)
         if reason is not None:
             return Finding(None, reason, *counts, smoothing)
@@ -177,7 +179,7 @@ class ProjectorFinder:
             chosen = evidence.only(np.random.default_rng(TUNING.start.seed).choice(
                 len(evidence), TUNING.start.most, replace=False))
         usual = usual_prior(self.size, depth)
-        prior = usual if earlier is None else carried_prior(earlier, depth, posed=False)
+        prior = usual if earlier is None else carried_prior(earlier, depth)
         models = list(starts(chosen, self.size, earlier))
         tried = [adjust(start, chosen, prior, tuning.trial_rounds) for start in models]
         best = min(tried, key=fitness)
@@ -200,9 +202,9 @@ class ProjectorFinder:
         tuning = TUNING.find
         if len(where) < tuning.least_patches:
             return rough, evidence, float('nan')
-        smoothing, colors = self.blurred(rough.model, measured, where)
         found = rough
         for _ in range(tuning.repeats):
+            smoothing, colors = self.blurred(found.model, measured, where)
             fresh = placed(found.model, measured, colors, where)[0]
             if len(fresh) < tuning.least_patches:
                 return rough, evidence, float('nan')
@@ -229,23 +231,28 @@ class ProjectorFinder:
         some = where.every(len(where) // TUNING.find.blur_sites + 1)
         areas = np.abs(np.linalg.det(affines(model, some)))
         per_pixel = float(np.sqrt(np.median(areas[np.isfinite(areas)])))
-        best = -1.0, 0.0, None
-        for smoothing in per_pixel * np.array(TUNING.find.blurs):
-            colors = chromatic(self.pattern, smoothing)
-            share = float(np.median(placed(model, measured, colors, some)[2]))
-            if share <= best[0]:
+        blurs = np.array(TUNING.find.blurs)
+        shares = []
+        for blur in blurs:
+            colors = chromatic(self.pattern, blur * per_pixel)
+            shares.append(placed(model, measured, colors, some)[2])
+            if shares[-1] < max(shares):
                 break
-            best = share, float(smoothing), colors
-            if share > TUNING.find.sharp:
-                break
-        return best[1:]
+        best = int(np.argmax(shares))
+        if 0 < best < len(shares) - 1:
+            blur = np.exp(vertex(np.log(blurs[best - 1:best + 2]), shares[best - 1:best + 2]))
+        else:
+            blur = blurs[best]
+        return float(blur * per_pixel), chromatic(self.pattern, blur * per_pixel)
 
     def _freer(self, found, evidence, prior):
         """Return a fit whose lens distorts or whose pixels are not square if evidence asks."""
+        tuning = TUNING.find
         for kind in FREEDOMS:
             freer = loosened(prior, kind)
             other = adjust(found.model, evidence, freer, scale=found.scale)
-            if found.cost - other.cost > self._least_gain(evidence):
+            least = tuning.column_gain if kind == 'cropped' else self._least_gain(evidence)
+            if found.cost - other.cost > least:
                 found, prior = adjust(other.model, evidence, freer), freer
         return found
 
@@ -268,9 +275,18 @@ class ProjectorFinder:
 
     @staticmethod
     def _residual(found, evidence):
-        """Return the median distance of the matches that agree, px of the pattern."""
+        """Return the median distance of the matches that agree, px of the pattern; inf: none."""
+        if not found.agree.any():
+            return float('inf')
         error = np.column_stack(found.model.project(evidence.points)) - evidence.places
         return float(np.median(np.hypot(*error[found.agree].T)))
+
+
+def vertex(x, y):
+    """Return the vertex of the parabola through three points."""
+    steps, slopes = np.diff(x), np.diff(y) / np.diff(x)
+    bend = (slopes[1] - slopes[0]) / (x[2] - x[0])
+    return (x[0] + x[1]) / 2 - slopes[0] / (2 * bend) if steps.all() and bend else x[1]
 
 
 def fitness(adjusted):

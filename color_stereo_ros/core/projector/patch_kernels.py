@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ..compiled import band, banded, part, stack_array
+from ..compiled import part, serial, stack_array
 from .tuning import TUNING
 
 F4 = np.float32
@@ -12,6 +12,7 @@ HALF = TUNING.patches.half
 SIDE = 2 * HALF + 1
 COUNT = SIDE * SIDE
 DARK = F4(TUNING.patches.dark)
+SINGULAR = TUNING.patches.singular
 VALUES = 8  # of the image and of the pattern: two colors each; four derivatives of the pattern
 stack_patch = stack_array(F4, VALUES, COUNT)
 stack_sums = stack_array(np.float64, 16)
@@ -93,7 +94,7 @@ def color_matrix(values, sums):
         q10 += i1 * p0
         q11 += i1 * p1
     determinant = p00 * p11 - p01 * p01
-    if not determinant > 1e-4 * p00 * p11:
+    if not determinant > SINGULAR * p00 * p11:
         return False
     sums[0] = (q00 * p11 - q01 * p01) / determinant
     sums[1] = (q01 * p00 - q00 * p01) / determinant
@@ -131,8 +132,8 @@ def normal_equations(values, sums):
     sums[7], sums[8], sums[9], sums[10] = r0, r1, left, all_of_it
 
 
-@banded(fastmath=FAST)
-def place_patches(k, image, pattern, pixels, places, affines, rounds, farthest, result):
+@serial(fastmath=FAST)
+def place_patches(image, pattern, pixels, places, affines, rounds, farthest, result):
     """
     Find where in the pattern the patches around some pixels lie (Lucas and Kanade 1981).
 
@@ -145,11 +146,13 @@ def place_patches(k, image, pattern, pixels, places, affines, rounds, farthest, 
     either, px; share of the variance of the colors that the pattern explains. NaN where the patch
     leaves the pattern, moves by more than `farthest` px, or has no structure.
 
+    Serial: a search runs in a thread of its own, beside the parallel kernels of a method, and
+    numba does not allow two of these at once.
+
     """
-    first, last = band(k, pixels.shape[0])
     values, sums = stack_patch(), stack_sums()
     freedom = 2 * COUNT - 8
-    for n in range(first, last):
+    for n in range(pixels.shape[0]):
         result[n, :] = np.nan
         read_image(image, pixels[n, 0], pixels[n, 1], values)
         u, v = places[n, 0], places[n, 1]
@@ -163,7 +166,7 @@ def place_patches(k, image, pattern, pixels, places, affines, rounds, farthest, 
                 break
             normal_equations(values, sums)
             determinant = sums[4] * sums[6] - sums[5] * sums[5]
-            good = determinant > 1e-4 * sums[4] * sums[6]
+            good = determinant > SINGULAR * sums[4] * sums[6]
             if not good or turn == rounds:
                 break
             u += (sums[6] * sums[7] - sums[5] * sums[8]) / determinant

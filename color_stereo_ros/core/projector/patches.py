@@ -176,6 +176,21 @@ def sites(measured, step):
                  measured.disparity_std[y, x].astype(np.float64))
 
 
+def warm():
+    """Compile the kernel, so that no pair waits for it."""
+    place_patches(_read_only(np.zeros((1, 1, 3), np.uint8)),
+                  _read_only(np.zeros((1, 1, 2), np.float32)), np.zeros((0, 2), np.int32),
+                  np.zeros((0, 2)), np.zeros((0, 2, 2)), TUNING.patches.rounds,
+                  TUNING.patches.farthest, np.zeros((0, 4)))
+
+
+def _read_only(image):
+    """Return a contiguous view that cannot be written: the kernel is compiled for this kind."""
+    view = np.ascontiguousarray(image).view()
+    view.flags.writeable = False
+    return view
+
+
 def chromatic(pattern, blur):
     """
     Return the two chromaticities of a pattern as an image sees it.
@@ -191,7 +206,8 @@ def chromatic(pattern, blur):
     colors : numpy.ndarray, float32, shape (H', W', 2)
 
     """
-    light = cv2.GaussianBlur(pattern.astype(np.float32), (0, 0), max(blur, 0.3))
+    blur = max(blur, TUNING.patches.least_blur)
+    light = cv2.GaussianBlur(pattern.astype(np.float32), (0, 0), blur)
     r, g, b = cv2.split(light)
     share = 1 / (r + g + b + np.float32(TUNING.patches.dark))
     return np.ascontiguousarray(np.dstack([(r - g) * share,
@@ -229,8 +245,9 @@ def placed(model, measured, colors, places, rounds=None):
     share : float
         Of the sites whose patch should lie inside the pattern, that were found; 0 if there are
         none.
-    explained : numpy.ndarray, float64, shape (N,)
-        Share of the variance of the colors that the pattern explains; 0 = not found.
+    explained : float
+        Share of the variance of their colors that the pattern explains, mean; where a patch was
+        not found it explains nothing.
 
     """
     tuning = TUNING.patches
@@ -240,14 +257,14 @@ def placed(model, measured, colors, places, rounds=None):
     margin = HALF * np.abs(shape).sum(axis=2)
     last = np.array(model.size) - 1
     expected = ((start > margin) & (start < last - margin)).all(axis=1)
-    start[~np.isfinite(start)] = -1e6
-    shape[~np.isfinite(shape)] = 0.0
-    place_patches(measured.image, colors, places.pixels, np.ascontiguousarray(start),
-                  np.ascontiguousarray(shape), rounds or tuning.rounds, tuning.farthest, result)
+    place_patches(_read_only(measured.image), _read_only(colors), places.pixels,
+                  np.ascontiguousarray(start), np.ascontiguousarray(shape),
+                  rounds or tuning.rounds, tuning.farthest, result)
     explained = np.nan_to_num(result[:, 3])
     found = explained > tuning.explained
     sigma = np.hypot(tuning.correlated * result[found, 2], tuning.floor)
     evidence = measured.evidence(places.points[found], result[found, :2], sigma,
                                  places.disparity_std[found])
-    share = np.count_nonzero(found & expected) / max(np.count_nonzero(expected), 1)
-    return evidence, share, explained
+    count = max(np.count_nonzero(expected), 1)
+    share = np.count_nonzero(found & expected) / count
+    return evidence, share, float(explained[found & expected].sum()) / count

@@ -14,6 +14,8 @@ import numpy as np
 from .adjustment import lens_of, model_of, usual_prior
 from .tuning import TUNING
 
+TINY = np.finfo(np.float64).tiny
+
 
 def starts(evidence, size, earlier=None):
     """
@@ -106,8 +108,8 @@ def projection(points, places):
 
     """
     middle, center = points.mean(axis=0), places.mean(axis=0)
-    reach = max(np.abs(points - middle).max(), 1e-9)
-    extent = max(np.abs(places - center).max(), 1e-9)
+    reach = max(np.abs(points - middle).max(), TINY)
+    extent = max(np.abs(places - center).max(), TINY)
     X = np.column_stack([(points - middle) / reach, np.ones(len(points))])
     u, v = ((places - center) / extent).T
     nothing = np.zeros_like(X)

@@ -25,6 +25,8 @@ class Track:
     """Whether the last pair shows the projector where the model says."""
     share: float = float('nan')
     """Share of the patches of the last pair that were found near their predicted places."""
+    usual: float = float('nan')
+    """What this share is in pairs that agree: shadows and a cropped pattern lower it."""
     shift: float = float('nan')
     """Median distance of these patches from their predicted places, px of the pattern."""
     reason: Reason | None = None
@@ -72,7 +74,7 @@ class ProjectorTracker:
 
     def follow(self, track, measured):
         """
-        Compare a pair with the geometry; takes about a millisecond.
+        Compare a pair with the geometry; takes about two milliseconds.
 
         Parameters
         ----------
@@ -95,14 +97,17 @@ class ProjectorTracker:
             return missed(track)
         evidence, share, _ = placed(track.model, measured, self._colors(track.smoothing), where,
                                     tuning.rounds)
-        if len(evidence) < tuning.least_patches or share < tuning.least_share:
+        usual = track.usual if np.isfinite(track.usual) else share
+        if len(evidence) < tuning.least_patches or share < tuning.least_share * usual:
             return missed(track.but(share=share))
         shift = apart_from(track.model, evidence)
         if shift > max(tuning.bump, 2 * track.model.residual):
-            model = self._again(track.model, evidence, measured)
+            model = again(track.model, evidence)
         else:
             model = updated(track.model, evidence)
-        return track.but(model=model, agreeing=True, share=share, shift=shift, wait=0, tries=0)
+        usual += tuning.learning * (share - usual)
+        return track.but(model=model, agreeing=True, share=share, usual=usual, shift=shift,
+                         wait=0, tries=0)
 
     def search(self, track, measured, inside=None):
         """
@@ -127,14 +132,6 @@ class ProjectorTracker:
                              wait=min(2 ** tries, TUNING.track.largest_wait))
         return Track(found.model, found.smoothing, True, reason=found.reason)
 
-    def _again(self, model, evidence, measured):
-        """Return the geometry of a projector that has moved a little: its lens is the same."""
-        depth = float(np.median(evidence.points[:, 2]))
-        found = adjust(model, evidence, carried_prior(model, depth, posed=False))
-        where = sites(measured, TUNING.track.spacing)
-        return found.model.but(residual=apart_from(found.model, evidence),
-                               matches=min(found.model.matches, len(where)))
-
     def _colors(self, smoothing):
         if self._smooth[0] != smoothing:
             self._smooth = smoothing, chromatic(self.finder.pattern, smoothing)
@@ -150,6 +147,15 @@ def apart_from(model, evidence):
     """Return the median distance of evidence from its predicted places, px of the pattern."""
     error = np.column_stack(model.project(evidence.points)) - evidence.places
     return float(np.median(np.hypot(*error.T)))
+
+
+def again(model, evidence):
+    """Return the geometry of a projector that has moved a little: its lens is the same."""
+    depth = float(np.median(evidence.points[:, 2]))
+    fresh = adjust(model, evidence, carried_prior(model, depth)).model
+    return fresh.but(covariance=TUNING.find.unmodeled ** 2 * fresh.covariance,
+                     residual=apart_from(fresh, evidence), color_map=model.color_map,
+                     color_quality=model.color_quality)
 
 
 def updated(model, evidence):

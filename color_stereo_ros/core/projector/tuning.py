@@ -32,6 +32,8 @@ class MatchingTuning(Constants):
     colorless: float = constant(
         0.01, '1', 'Least standard deviation of a chromaticity that is stretched.',
         derived('Gray cameras show noise of that size.'))
+    middle: float = constant(
+        128.0, '1', 'Gray value of the mean chromaticity.', derived('The middle of 8 bit.'))
     features: int = constant(
         1200, '1', 'Largest number of features per image and chromaticity.',
         chosen('Some 500 matches; patches make them precise. The pattern keeps all its own.'))
@@ -57,7 +59,7 @@ class PriorTuning(Constants):
         0.0005, '1', 'Standard deviation of skew and aspect ratio where pixels are square.',
         chosen('Chips are made to a ten-thousandth; the scale of a pattern is exact.'))
     column_std: float = constant(
-        0.02, 'widths', 'Standard deviation of the column of the principal point.',
+        0.01, 'widths', 'Standard deviation of the column of the principal point.',
         chosen('Lenses are centered to 1 %; lens shift is vertical; patterns may be cropped.'))
     row_std: float = constant(
         0.5, 'heights', 'Standard deviation of the row of the principal point.',
@@ -75,10 +77,8 @@ class PriorTuning(Constants):
         4.0, '1', 'Factor of the covariance of an earlier pair.',
         derived('Twice the standard deviation: errors of one scene are not those of the next.'))
     drift: float = constant(
-        0.0003, '1', 'Standard deviation by which a lens changes until it is found again; of a '
-        'pose in depths of the scene.', chosen('A warm projector: .3 px of the pattern.'))
-    turn_drift: float = constant(
-        0.0003, 'rad', 'The same of a rotation.', chosen('As much at the border.'))
+        0.0003, '1', 'Standard deviation by which a lens changes until it is found again.',
+        chosen('A warm projector: .3 px of the pattern.'))
     straight_std: float = constant(
         0.002, '1', 'Standard deviation of k1 where it may not.',
         derived('.1 px at the edge of the pattern.'))
@@ -138,6 +138,8 @@ class AdjustmentTuning(Constants):
     nearest: float = constant(
         0.01, 'm', 'Least distance of a point in front of the projector.',
         derived('No projector is used so close.'))
+    rounding: float = constant(
+        1e-9, '1', 'What is lost by rounding.', derived('Double precision, summed.'))
     behind: float = constant(
         1e4, 'px', 'Residual of a point behind the projector.', derived('An outlier.'))
 
@@ -165,6 +167,11 @@ class PatchTuning(Constants):
         2.0, '1', 'Factor of the standard deviation of the disparity of a patch.',
         chosen('Disparities of neighboring patches err alike: medians of 32 x 32 px scatter as '
                'much as single pixels.'))
+    singular: float = constant(
+        1e-4, '1', 'Share of the product of its diagonal from which the determinant of a 2 x 2 '
+        'matrix is 0.', derived('Stripes have one direction.'), compiled=True)
+    least_blur: float = constant(
+        0.3, 'px', 'Least blur of the pattern.', derived('Less changes nothing.'))
     bend: float = constant(
         0.4, 'px', 'Largest bend of the disparity over a patch.',
         derived('Moves its border by as much, its middle by nothing.'))
@@ -219,15 +226,14 @@ class FindTuning(Constants):
     trial_rounds: int = constant(
         12, '1', 'Steps of the adjustment from each start.', unexplained('Enough to compare.'))
     spacing: int = constant(
-        10, 'px', 'Distance of the patches.', derived('They hardly overlap.'))
+        9, 'px', 'Distance of the patches.', derived('They hardly overlap.'))
     most_sites: int = constant(
-        1500, '1', 'Largest number of patches, about.', derived('Bounds the time.'))
+        4000, '1', 'Largest number of patches, about.', derived('Bounds the time.'))
     blurs: tuple = constant(
-        (0.8, 1.6, 2.6, 3.6), 'px', 'Standard deviations of the image\'s blur that are tried.',
-        derived('Half a step off costs less than .02 of the explained share.'))
-    sharp: float = constant(
-        0.97, '1', 'Explained share from which no other blur is tried.',
-        chosen('Undisturbed pairs reach .96 to .99.'))
+        (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0), 'px', 'Blurs of the image that are tried, standard '
+        'deviations; a parabola goes between them.',
+        chosen('A patch errs by .1 px under the right blur, by .4 px under one that is .5 px '
+               'off.'))
     blur_sites: int = constant(
         150, '1', 'Patches by which the blur is chosen.', unexplained('Bounds the time.'))
     repeats: int = constant(
@@ -240,6 +246,13 @@ class FindTuning(Constants):
         chosen('Undisturbed pairs gain up to .01; k1 = .02 gains .2.'))
     least_gain: float = constant(
         15.0, '1', 'Least such gain.', derived('Chance of a millionth.'))
+    unmodeled: float = constant(
+        1.5, '1', 'Factor of the standard deviations of what was found.',
+        chosen('Root mean square of the errors of the center on disturbed pairs, in standard '
+               'deviations without it.'))
+    column_gain: float = constant(
+        2.0, '1', 'Such a gain of a column of the center that is free: the pattern is cropped.',
+        derived('Two standard deviations of the prior.'))
     known: float = constant(
         3.0, 'px', 'Largest standard deviation of a prediction at other depths, px of the '
         'pattern.', chosen('The structure of the pattern is nine: dense matching finds it.'))
@@ -277,16 +290,18 @@ class TrackTuning(Constants):
     """From pair to pair."""
 
     spacing: int = constant(
-        20, 'px', 'Distance of the patches.', chosen('Some 300 patches at 640 x 480.'))
+        22, 'px', 'Distance of the patches.', chosen('Some 200 patches at 640 x 480.'))
     most_sites: int = constant(
-        250, '1', 'Largest number of patches, about.', derived('Bounds the time to 2 ms.'))
+        150, '1', 'Largest number of patches, about.', derived('Bounds the time to 2 ms.'))
     rounds: int = constant(
-        4, '1', 'Steps of a patch.', chosen('They begin near their places.'))
+        3, '1', 'Steps of a patch.', chosen('They begin near their places.'))
     least_patches: int = constant(
         30, '1', 'Patches below which a pair says nothing.', derived('Five for each coordinate.'))
     least_share: float = constant(
-        0.5, '1', 'Share of the patches that must be found.',
-        chosen('.9 to 1 at rest, .0 to .3 after a jump.'))
+        0.5, '1', 'Share of the patches that must be found, of what is usual.',
+        chosen('.9 to 1 at rest, .0 to .4 after a jump.'))
+    learning: float = constant(
+        0.1, '1', 'Weight of a pair in what is usual.', unexplained('Ten pairs.'))
     bump: float = constant(
         0.5, 'px', 'Median distance of the patches from their predictions, px of the pattern, '
         'from which the pose is forgotten.', chosen('.05 to .2 at rest beyond the noise.'))

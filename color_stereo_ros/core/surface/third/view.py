@@ -290,8 +290,8 @@ class ThirdView:
         left, projected = self.views.left, self.projected
         linearize_sweep(left.u, left.v, left.variance, light.pattern.image, projected.size,
                         light.colors, light.local, light.unrest, projected.sweep, planes.d,
-                        tiles, region, F4(TUNING.use.robust_misfit), light.scale, self.phase, solver.reference,
-                        solver.linearized.weight, solver.linearized.moment, misfit)
+                        tiles, region, F4(TUNING.use.robust_misfit), light.scale, self.phase,
+                        solver.reference, solver.linearized.weight, solver.linearized.moment, misfit)
         return solver.linearized
 
     @property
@@ -351,7 +351,8 @@ class ThirdView:
         def windows(step_y, step_x):
             sweep_misfits(left.u, left.v, left.variance, light.pattern.image, projected.size,
                           light.colors, light.local, light.unrest, projected.sweep, mine.d,
-                          mine.a, mine.b, step_y, step_x, tiles, region, light.scale, self.phase, cap, self.cost)
+                          mine.a, mine.b, step_y, step_x, tiles, region, light.scale,
+                          self.phase, cap, self.cost)
             return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel)
 
         for step in steps:
