@@ -291,7 +291,8 @@ class ThirdView:
         linearize_sweep(left.u, left.v, left.variance, light.pattern.image, projected.size,
                         light.colors, light.local, light.unrest, projected.sweep, planes.d,
                         tiles, region, F4(TUNING.use.robust_misfit), light.scale, self.phase,
-                        solver.reference, solver.linearized.weight, solver.linearized.moment, misfit)
+                        solver.reference, solver.linearized.weight, solver.linearized.moment,
+                        misfit)
         return solver.linearized
 
     @property
