@@ -55,8 +55,8 @@ def cover(result):
 
 def same(one, other):
     """Return whether all arrays of two results have the same bytes."""
-    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes()
-               for name in ('disparity', 'depth', 'disparity_std', 'confidence', 'status', 'views'))
+    names = 'disparity', 'depth', 'disparity_std', 'confidence', 'status', 'views'
+    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in names)
 
 
 def test_the_sweep_lights_a_pixel_where_the_model_projects_its_point():

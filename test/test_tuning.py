@@ -145,8 +145,8 @@ def texts_of(room):
 
 @pytest.mark.parametrize('room, tuning', [('surface', TUNING), ('paper', paper.TUNING),
                                           ('rows', rows.TUNING),
-                                           ('projector', projector.TUNING),
-                                           ('surface/third', third.TUNING)])
+                                          ('surface/third', third.TUNING),
+                                          ('projector', projector.TUNING)])
 def test_every_constant_is_read(room, tuning):
     text = texts_of(room)
     chooses = {'views.averaging_period', 'views.largest_averaging_radius'}  # in `changes_for`

@@ -26,6 +26,8 @@ class Reason(Enum):
               'its own?')
     MIRRORED = ('projector not found: the pattern is mirrored; switch off rear projection in the '
                 'menu of the projector')
+    PLAIN = ('projector not found: the images do not show the colors of the pattern; their '
+             'brightness is matched instead')
     BLIND = 'projector not found: too few ranges where the pattern was recognized'
     APART = ('projector not found: no single projector explains the matches; are there two, or '
              'is a picture of the pattern in the scene?')

@@ -35,6 +35,7 @@ import numpy as np
 
 from ..compiled import Arena
 from ..patterns.expectation import Expectation
+from ..projector.finding import Reason
 from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
 from .bends import Bends
@@ -174,8 +175,11 @@ class SurfaceMethod:
                                       self.trust.least_odds)
         clock.lap('expand', measurement)
         if self.follower is not None and given is not None:
-            blind = same or self.brightness.active
-            measurement = self.with_third_view(measurement, verdict, pair, given, blind, clock)
+            if same or self.brightness.active:
+                track = self.follower.passed(given, None if same else Reason.PLAIN)
+                measurement = replace(measurement, projector=track)
+            else:
+                measurement = self.with_third_view(measurement, verdict, pair, given, clock)
         return replace(measurement, alignment=alignment, rival_share=self.rival_share)
 
     @property
@@ -185,7 +189,7 @@ class SurfaceMethod:
         return (matching.third_view != 'off' and self.expectation.aperiodic
                 and matching.refinements > 0)
 
-    def with_third_view(self, two, verdict, pair, given, blind, clock):
+    def with_third_view(self, two, verdict, pair, given, clock):
         """
         Return what two cameras and projector measure; two where the projector takes no part.
 
@@ -197,8 +201,6 @@ class SurfaceMethod:
             Of the two cameras; stays as it is.
         pair : PairModel
         given : Given
-        blind : bool
-            The pair cannot show the projector: its images are the same, or without colors.
         clock : Stopwatch
 
         Returns
@@ -206,8 +208,6 @@ class SurfaceMethod:
         measurement : Measurement
 
         """
-        if blind:
-            return replace(two, projector=self.follower.passed(given))
         track = self.follower.followed(given, two)
         clock.lap('projector', track)
         if not track.usable:

@@ -36,7 +36,7 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None):
     if beyond is None:
         beyond = np.zeros(planes.grid.shape, bool)
     expand(planes.d, planes.a, planes.b, verdict.std, verdict.log_odds, verdict.reason, beyond,
-           rows, columns, limits, F4(geometry.focal_baseline), F4(geometry.principal_offset), least_odds,
-           disparity, depth, std, confidence, status)
+           rows, columns, limits, F4(geometry.focal_baseline), F4(geometry.principal_offset),
+           least_odds, disparity, depth, std, confidence, status)
     return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
                        status=status, depth=depth)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the left camera sees of the colors of the pattern, measured where stereo knows the place."""
+"""What the left camera sees of the colors of the pattern, measured where two cameras know."""
 
 from dataclasses import dataclass
 
@@ -16,6 +16,8 @@ ROOT3 = F4(np.sqrt(3.0))
 class Light:
     """From the light of the pattern to the colors of the left view."""
 
+    pattern: object
+    """The BlurredPattern that is as blurred as the left view."""
     colors: np.ndarray
     """float32 (3, 4): light of the camera = A p + b of that of the pattern, [A | b]."""
     local: np.ndarray
@@ -80,10 +82,9 @@ def fitted_colors(u, v, light, weight):
     return colors.astype(F4)
 
 
-def explained(u, v, light, colors, known):
-    """Return the share of the spread of the known colors that the pattern explains, by medians."""
-    seen_u, seen_v = chromaticity(mixed(colors, light[:, known]))
-    u, v = u[known], v[known]
+def explained(u, v, light, colors):
+    """Return the share of the spread of known colors that the pattern explains, by medians."""
+    seen_u, seen_v = chromaticity(mixed(colors, light))
     error = np.median((u - seen_u) ** 2 + (v - seen_v) ** 2)
     return 1 - error / np.median((u - np.median(u)) ** 2 + (v - np.median(v)) ** 2)
 

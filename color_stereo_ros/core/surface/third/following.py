@@ -32,10 +32,10 @@ class Follower:
         self.geometry, self.limits = geometry, limits
         warm()
 
-    def passed(self, given):
-        """Return the Track after a pair that cannot show the projector."""
+    def passed(self, given, reason=None):
+        """Return the Track after a pair that cannot show the projector; reason: if it is known."""
         track = given.track or Track()
-        return track if track.held else missed(track)
+        return track if track.held else missed(track).but(reason=reason or track.reason)
 
     def followed(self, given, two):
         """

@@ -3,12 +3,9 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from ..grid import framed_area
 from ..grid_kernels import F4, PAD
-from ..planes import Planes
 from ..trust import Verdict
 from ..tuning import TUNING as SURFACE
 from ...status import Status
@@ -24,7 +21,7 @@ class Fused:
     """What is held of every node after the third view has spoken; framed arrays."""
 
     planes: object
-    """d, a, b as `Planes`, with the grid."""
+    """FusedPlanes."""
     verdict: Verdict
     views: np.ndarray
     """uint8, bits: 1 right camera, 2 projector."""
@@ -62,8 +59,7 @@ def evidence_of(planes, misfit, grid):
     d, a, b = planes.d, planes.a, planes.b
     apart = np.zeros((rows, columns), F4)
     for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        there = framed_area(rows, columns, PAD)
-        there = np.s_[there[0].start + dy:there[0].stop + dy, there[1].start + dx:there[1].stop + dx]
+        there = np.s_[PAD + dy:PAD + dy + rows, PAD + dx:PAD + dx + columns]
         away = np.abs(d[there] - d[inner] - F4(dx) * a[inner] - F4(dy) * b[inner])
         apart += np.fmin(away, F4(use.distance_cap))
     cost = np.fmin(planes.cost[inner], F4(use.misfit_cap))

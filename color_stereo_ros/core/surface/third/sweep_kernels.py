@@ -277,8 +277,8 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, swee
 
     Node (j, i) lies at x = offset + step i. The disparity of index n is first_disparity + n
     spacing, px. left_u, left_v int16, in units of 1 / scale; trust int16 0..16. known, float32
-    (h, w): the index where stereo knows the disparity, NaN elsewhere; there the cost rises by slope
-    for each index away from it.
+    (h, w): the index where two cameras know the disparity, NaN elsewhere; there the cost rises by
+    slope for each index away from it.
 
     """
     rows, columns, depth = cost.shape

@@ -51,6 +51,13 @@ class ColorTuning(Constants):
     samples: int = constant(
         1500, '1', 'Nodes from which the map of the colors is fitted, at most.',
         chosen('Twelve numbers are known to a hundredth; more take more time.'))
+    blurs: tuple = constant(
+        (0.0, 1.0, 1.7, 2.5, 3.5), 'px', 'Further blur of the left view that the pattern is '
+        'given, standard deviation.',
+        chosen('Lenses out of focus, projectors out of focus, subsampled chroma.'))
+    sharp: float = constant(
+        0.985, '1', 'Share of the spread of the colors from which no further blur is tried.',
+        chosen('Sharp views of gray surfaces: .99.'))
     least_samples: int = constant(
         300, '1', 'Known nodes below which the third view takes no part.',
         chosen('Less than .5 % of the nodes of a VGA pair say nothing about all others.'))

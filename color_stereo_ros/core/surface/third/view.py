@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pattern as a view: measures where the right camera sees nothing, and bears witness."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -11,53 +11,16 @@ from ...projector.model import COUNT, ProjectorModel
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
 from ..planes import LeastSquares, PlaneField
-from ..quality import Quality
 from .colors import explained, fitted_colors, Light, local_light
 from .fusion import Fusion
+from .projected import Projected
 from .search import SweepSearch
-from .sweep import (
-    geometry_variance, magnification, packed, places_per_disparity, straightened, sweep_matrix)
+from .sweep import geometry_variance
 from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
 from .tuning import TUNING
 
 WARM = 8, 8  # size of a pattern that nobody sees, px
 NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
-
-
-@dataclass(frozen=True, eq=False)
-class Projected:
-    """What a ProjectorModel says about one rig; made once."""
-
-    model: object
-    sweep: np.ndarray
-    """float32 (3, 4), see `sweep.sweep_matrix`."""
-    image: np.ndarray
-    """uint32 (H W,), the light of the pattern as blurred as nodes see it, see `packed`."""
-    coarse_image: np.ndarray
-    """The same as coarse nodes see it."""
-    size: np.ndarray
-    """int64 (2,), height and width of both images, px."""
-    scale: float
-    """Pixels of the pattern that light one pixel of the left image."""
-    blur: float
-    """Of `image`, standard deviation, px of the pattern."""
-    per_disparity: float
-    """How many pixels of the left image a disparity of 1 px moves the place."""
-
-    def light_at(self, u, v):
-        """Return the light of the pattern at places, float32 (3, ...), NaN outside."""
-        image = self.image.view(np.uint8).reshape(*self.size, 4)
-        found = cv2.remap(image, u, v, cv2.INTER_LINEAR).astype(F4) * F4(TUNING.sweep.unit)
-        height, width = self.size
-        margin = TUNING.color.margin
-        inside = ((u >= margin) & (v >= margin) & (u < width - 1 - margin)
-                  & (v < height - 1 - margin))
-        return np.where(inside, np.moveaxis(found[..., :3], -1, 0), F4(np.nan))
-
-    @property
-    def flat(self):
-        """Return the image as kernels take it: flat, and its size."""
-        return self.image, self.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +68,6 @@ class ThirdView:
                                    method.tuning.planes, arena)
         self.witness_solver = LeastSquares(grid, method.limits, method.settings.matching,
                                            method.tuning.planes, arena)
-        self.quality = Quality(grid, method.tuning.quality, arena)
         self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
         self.everywhere = np.ones(grid.shape, bool)
         self.projected = self.prepared = self.search = self.found = self.last_light = None
@@ -127,27 +89,19 @@ class ThirdView:
         if self.projected is None or self.prepared is not prepared:
             self.prepare(prepared, pattern())
             self.prepared = prepared
-        self.projected = replace(self.projected, model=model,
-                                 sweep=sweep_matrix(model, self.geometry).astype(F4))
+        self.projected = self.projected.moved(model, self.geometry)
 
     def prepare(self, model, pattern):
-        """Make all that a model and a pattern say; see `adopt`."""
-        middle = float(np.mean(self.limits))
-        sweep = sweep_matrix(model, self.geometry)
-        scale = magnification(sweep, self.geometry, middle)
-        per_disparity = places_per_disparity(sweep, self.geometry, middle) / scale
+        """Make what a model and a pattern say; see `adopt`."""
         known = self.views.left.psf_variance
-        variance = float(np.nanmedian(known)) + TUNING.use.lens_variance
-        light = straightened(pattern, model)
-        image = cv2.GaussianBlur(light, (0, 0), scale * np.sqrt(variance))
+        variance = float(np.nanmedian(known)) if np.isfinite(known).any() else 0.0
         step = 2 * self.coarse.factor
-        wide = np.sqrt(variance + (step / 4 * TUNING.search.blur) ** 2)
-        coarse_image = cv2.GaussianBlur(light, (0, 0), scale * wide)
-        self.projected = Projected(model, sweep.astype(F4), packed(image), packed(coarse_image),
-                                   np.array(light.shape[:2]), scale,
-                                   scale * float(np.sqrt(variance)), per_disparity)
-        spacing = TUNING.search.spacing * step / max(per_disparity, TUNING.search.least_ratio)
+        self.projected = Projected(model, pattern, self.geometry, float(np.mean(self.limits)),
+                                   variance, step)
+        spacing = TUNING.search.spacing * step / max(self.projected.per_disparity,
+                                                     TUNING.search.least_ratio)
         self.search = SweepSearch(self.coarse, self.limits, float(spacing), Arena())
+        self.last_light = None
 
     def measure(self, planes, verdict, linearized, pair):
         """
@@ -199,7 +153,8 @@ class ThirdView:
         """Return the Light of a camera that sees the pattern on white surfaces."""
         shape = self.grid.shape
         self.coarse_light = np.ones((3, *self.coarse.disparity.shape), F4)
-        return Light(np.eye(3, 4, dtype=F4), np.ones((3, *shape), F4), np.ones(shape, F4), F4(1))
+        return Light(self.projected.blurred(0), np.eye(3, 4, dtype=F4),
+                     np.ones((3, *shape), F4), np.ones(shape, F4), F4(1))
 
     def warm(self, planes, verdict):
         """
@@ -221,7 +176,7 @@ class ThirdView:
         around = self.around(self.planes.misfit)
         self.fusion.fuse(Found(self.planes, nothing, around, nothing, around, self.std(),
                                self.dim(nothing), self.projected), verdict, planes)
-        self.projected = self.prepared = None
+        self.projected = self.prepared = self.last_light = None
 
     def dim(self, firm):
         """Return the log of how much brighter firm nodes around are, float32 (rows, columns)."""
@@ -283,19 +238,18 @@ class ThirdView:
         shape = self.coarse.disparity.shape
         place = np.empty((2, *shape), F4)
         places_of_nodes(self.projected.sweep, planes.d, step, place)
-        sampled = self.projected.light_at(*place)
         thin = np.s_[:shape[0] * step:step, :shape[1] * step:step]
         u, v, variance = (each[inner][thin] for each in (left.u, left.v, left.variance))
-        used = known[thin] & np.isfinite(sampled[0]) & (variance < SILENT_VARIANCE)
+        used = known[thin] & self.projected.inside(*place) & (variance < SILENT_VARIANCE)
         count = np.count_nonzero(used)
         if count < tuning.least_samples:
             return None
         some = np.flatnonzero(used)[::max(1, count // tuning.samples)]
-        colors = fitted_colors(u.ravel()[some], v.ravel()[some],
-                               sampled.reshape(3, -1)[:, some],
-                               1 / variance.ravel()[some].astype(np.float64))
-        if explained(u, v, sampled, colors, used) < TUNING.use.least_explained:
+        pattern, colors, share = self.sharpest(*(each.ravel()[some] for each in (
+            u, v, variance, *place)))
+        if share < TUNING.use.least_explained:
             return None
+        sampled = self.projected.light_at(pattern, *place)
         local, error = local_light(u, v, sampled, colors, variance, used)
         scale = F4(max(np.percentile(error[used], 25) / tuning.quartile, tuning.least_scale))
         size = (2 * tuning.unrest_radius + 1,) * 2
@@ -305,9 +259,34 @@ class ThirdView:
         unrest = np.where(share > F4(tuning.least_share), unrest / (2 * scale), 1)
         unrest = np.clip(unrest, 1, F4(tuning.unrest_limit)).astype(F4)
         self.coarse_light = local
-        self.last_light = Light(colors, np.stack([self.framed(each) for each in local]),
+        self.last_light = Light(pattern, colors, np.stack([self.framed(each) for each in local]),
                                 self.framed(unrest), scale)
         return self.last_light
+
+    def sharpest(self, u, v, variance, column, row):
+        """
+        Return the pattern as blurred as the left view, the map of its colors, what it explains.
+
+        Parameters
+        ----------
+        u, v, variance : numpy.ndarray, float32, shape (N,)
+            Of the left view, at nodes of known places.
+        column, row : numpy.ndarray, float32, shape (N,)
+            Places of the pattern, px.
+
+        """
+        best = None
+        for level in range(len(TUNING.color.blurs)):
+            pattern = self.projected.blurred(level)
+            seen = self.projected.light_at(pattern, column, row)
+            colors = fitted_colors(u, v, seen, 1 / variance.astype(np.float64))
+            share = explained(u, v, seen, colors)
+            if best is not None and share <= best[2]:
+                break
+            best = pattern, colors, share
+            if share > TUNING.color.sharp:
+                break
+        return best
 
     def framed(self, samples):
         """Return coarse samples at all nodes, framed float32."""
@@ -319,10 +298,11 @@ class ThirdView:
     def linearize(self, solver, planes, light, tiles, region, misfit):
         """Write solver.linearized and misfit, framed, of the region of some tiles at planes."""
         left, projected = self.views.left, self.projected
-        linearize_sweep(left.u, left.v, left.variance, *projected.flat, light.colors, light.local,
-                        light.unrest, projected.sweep, planes.d, tiles, region,
-                        F4(TUNING.use.robust_misfit), light.scale, self.phase, solver.reference,
-                        solver.linearized.weight, solver.linearized.moment, misfit)
+        linearize_sweep(left.u, left.v, left.variance, light.pattern.image, projected.size,
+                        light.colors, light.local, light.unrest, projected.sweep, planes.d,
+                        tiles, region, F4(TUNING.use.robust_misfit), light.scale, self.phase,
+                        solver.reference, solver.linearized.weight, solver.linearized.moment,
+                        misfit)
         return solver.linearized
 
     @property
@@ -354,7 +334,7 @@ class ThirdView:
         tiles = self.tiles_with(region)
         mine, solver = self.planes, self.solver
         seeds = self.search.search(
-            self.projected.coarse_image, self.projected.size, light.colors, self.coarse_light,
+            light.pattern.coarse_image, self.projected.size, light.colors, self.coarse_light,
             self.coarse_known(planes, firm), self.projected.sweep)
         mine.seed(seeds)
         for own, given in zip((mine.d, mine.a, mine.b), (planes.d, planes.a, planes.b)):
@@ -368,6 +348,9 @@ class ThirdView:
     def fit(self, light, linearized, firm, pair, tiles, region, turn):
         """Fit the planes of some tiles; firm nodes tell what the two cameras know, too."""
         mine, solver = self.planes, self.solver
+        # windows reach beyond the tiles, where nothing is to be left of another round or pair
+        solver.linearized.weight.fill(0)
+        solver.linearized.moment.fill(0)
         own = self.linearize(solver, mine, light, tiles, region, mine.misfit)
         own.weight[firm] += linearized.weight[firm]
         own.moment[firm] += linearized.moment[firm]
@@ -380,9 +363,10 @@ class ThirdView:
         kernel = np.ones((3, 3), np.uint8)
 
         def windows(step_y, step_x):
-            sweep_misfits(left.u, left.v, left.variance, *projected.flat, light.colors,
-                          light.local, light.unrest, projected.sweep, mine.d, mine.a, mine.b,
-                          step_y, step_x, tiles, region, light.scale, self.phase, cap, self.cost)
+            sweep_misfits(left.u, left.v, left.variance, light.pattern.image, projected.size,
+                          light.colors, light.local, light.unrest, projected.sweep, mine.d,
+                          mine.a, mine.b, step_y, step_x, tiles, region, light.scale,
+                          self.phase, cap, self.cost)
             return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel)
 
         for step in steps:
