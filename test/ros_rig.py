@@ -369,7 +369,8 @@ def answering(log, parameters, kinds, first):
     """
     Yield a rig whose range_node has answered once; afterwards the node must end in good order.
 
-    kinds: topics that are listened to and their message classes; first: topic of the answer.
+    kinds: topics that are listened to and their message classes; first: topic of the answer, or
+    None if nobody waits for it.
 
     """
     node = NodeProcess(log, parameters=parameters)
@@ -379,7 +380,8 @@ def answering(log, parameters, kinds, first):
         rig.listen(kind, topic)
     rig.wait_for_node()
     rig.wait_for_publishers()
-    rig.first_output(first)
+    if first:
+        rig.first_output(first)
     yield rig
     status = node.stop()
     rig.close()

@@ -346,3 +346,25 @@ def test_closing_a_slot_wakes_the_taker():
     thread.join(10.0)
     assert taken == [None]
     assert slot.closed
+
+
+def test_a_left_item_is_handed_out_alone_where_the_right_topic_alone_is_silent():
+    now = [0.0]
+    synchronizer = Synchronizer(0.01, clock=lambda: now[0])
+    for stamp in range(5):
+        now[0] += 0.1
+        synchronizer.add('left', stamp * 100 * MS, stamp)
+        assert synchronizer.add('right', stamp * 100 * MS, stamp) is not None
+    now[0] += 3.0  # both pause: the left item that comes first is not alone
+    assert synchronizer.add('left', 3500 * MS, 'late') is None
+    assert synchronizer.alone(3500 * MS, 'late', 2.0) is None
+    assert synchronizer.add('right', 3500 * MS, 'late').left == 'late'
+    alone = []
+    for stamp in range(3600, 5000, 100):
+        now[0] += 0.1
+        assert synchronizer.add('left', stamp * MS, stamp) is None
+        alone.append(synchronizer.alone(stamp * MS, stamp, 2.0))
+    assert alone[0] is None and alone[-1].left == 4900 and alone[-1].right is None
+    now[0] += 0.1
+    synchronizer.add('right', 5000 * MS, 'back')
+    assert synchronizer.add('left', 5000 * MS, 'back').right == 'back'

@@ -7,6 +7,8 @@ import numpy as np
 
 from .constants import chosen, constant, Constants, derived, unexplained
 from .patterns.feature_size import feature_size_in
+from .projector.finding import Reason
+from .projector.tracking import Track
 from .settings import PatternSettings
 from .status import Status
 
@@ -162,6 +164,32 @@ def doubts_about_result(stereo, left, right, result):
             *filter(None, [doubt_about_rivals(result), few])]
 
 
+def doubt_about_projector(track, shown):
+    """
+    Return what should be looked after at the projector, None if nothing.
+
+    Parameters
+    ----------
+    track : Track
+        Of a RangeResult.
+    shown : bool
+        The projector is known to show the pattern of the settings.
+
+    Returns
+    -------
+    doubt : str or None
+
+    """
+    if track.held or (track.agreeing and track.explains):
+        return None
+    lost = not track.agreeing and track.model is not None
+    odd = track.reason in (Reason.MIRRORED, Reason.TWICE, Reason.APART, Reason.PICTURE)
+    searched = track.reason not in (None, Reason.FOUND)
+    if odd or lost or track.agreeing or (shown and searched):
+        return track.sentence()
+    return None
+
+
 def doubts_about_rows(result):
     """Return that the rows of the two views disagree, or that the views have nothing in common."""
     return list(filter(None, [result.alignment and result.alignment.sentence()]))
@@ -200,7 +228,8 @@ def doubts_about_order(stereo, left, right, result):
     if result.density >= SUSPICIOUS:
         return []
     # with an alignment of its own: what is known of the rows is not of this order
-    swapped = stereo.process(right, left, stereo.alignment.but(wait=1)).density
+    swapped = stereo.process(right, left, stereo.alignment.but(wait=1),
+                             Track.known(None)).density
     if swapped <= max(TUNING.swapped_share, TUNING.swapped_ratio * result.density):
         return []
     return [f'left and right image swapped? The other way round {swapped:.1%} of the pixels have '

@@ -135,6 +135,12 @@ def _status(result, context):
     return image(result.status, 'mono8', context.header)
 
 
+@output('views/image', Image, 'mono8, who saw a pixel, bits: 1 right camera, 2 projector; 0 = it '
+        'has no range')
+def _views(result, context):
+    return image(result.views, 'mono8', context.header)
+
+
 @output('status_picture', Image, 'bgr8, the status in colors for people, with a legend to the '
         'right of it')
 def _status_picture(result, context):

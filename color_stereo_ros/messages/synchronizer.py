@@ -29,6 +29,8 @@ _ADAPTIVE_MAX_NS = 50_000_000
 _SILENT_PERIODS = 5
 _SILENT_AT_LEAST = 0.5
 """A camera that sends nothing for so many of its periods, and so many s, is silent."""
+_ALONE = 4
+"""So many left items without a right one in between are needed before one is handed out alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,7 @@ class Pair:
 
     left: object
     right: object
+    """None: the right camera is silent, see `Synchronizer.alone`."""
     stamp: int
     """Stamp of the left item, ns."""
     skew: int
@@ -131,6 +134,7 @@ class Synchronizer:
         self._pairs = 0
         self._jumps = 0
         self._arrivals = 0
+        self._lefts_in_a_row = 0
         self._last_pair = None
         self._skews = deque(maxlen=_SKEWS_KEPT)
         self._quiet_since = clock()
@@ -155,6 +159,7 @@ class Synchronizer:
         """
         own, other = self._sides[side], self._sides[SIDES[side == 'left']]
         own.received += 1
+        self._lefts_in_a_row = self._lefts_in_a_row + 1 if side == 'left' else 0
         own.last_arrival = self._clock()
         self._look_for_jump(own, stamp)
         own.note(stamp)
@@ -170,6 +175,34 @@ class Synchronizer:
         stamps = (stamp, partner_stamp) if side == 'left' else (partner_stamp, stamp)
         items = (item, partner_item) if side == 'left' else (partner_item, item)
         return self._hand_out(stamps, items)
+
+    def alone(self, stamp, item, patience):
+        """
+        Hand out a left item without a partner if the right topic alone is silent.
+
+        It is if it has sent nothing for some periods, and for some left items in a row: after a
+        pause of both topics the right item may just be the later one.
+
+        Call it with an item for which `add` has found none.
+
+        Parameters
+        ----------
+        stamp : int
+            ns.
+        item : object
+        patience : float
+            See `complaint`.
+
+        Returns
+        -------
+        pair : Pair or None
+
+        """
+        if self._lefts_in_a_row < _ALONE or not self._is_silent(self._sides['right'], patience):
+            return None
+        self._sides['left'].drop(lambda waiting: waiting <= stamp)
+        self._last_pair = {'left': stamp, 'right': stamp - self.tolerance_now()}
+        return Pair(item, None, stamp, 0, self._clock())
 
     def _enqueue(self, own, stamp, item):
         self._arrivals += 1

@@ -21,12 +21,12 @@ from std_msgs.msg import String
 from ..core.patterns.making import check_pattern, make_pattern
 from ..errors import bounded, ColorStereoError
 from ..messages.contents import Header, image, new_memory
+from ..messages.projector import FRAME
 from ..messages.synchronizer import LatestSlot
 from ..parameters.groups import PatternNodeSettings
 from .filling import message_of
 from .parameters import NodeParameters
 
-FRAME = 'projector_optical_frame'
 _LARGE = 4_000_000  # px; making so many takes a noticeable time
 _PATIENCE = 0.2
 """s that the end of the node waits for a pattern that is being made."""

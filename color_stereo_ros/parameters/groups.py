@@ -21,6 +21,9 @@ class InputSettings(Group):
     significant_bits: int = setting(
         16, 'of 16-bit Bayer images: the values fill so many low bits, 12 for example = 0 .. '
         '4095; 16 = full scale is 65535', unit='bit', minimum=8, maximum=16)
+    survive_right_loss: bool = setting(
+        False, 'where the right camera is silent or covered and the projector is known, the node '
+        'goes on with left camera and projector')
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile
 
-from ...core.account import doubt_about_ranges, doubts_about_rows, status_shares
+from ...core.account import (
+    doubt_about_projector, doubt_about_ranges, doubts_about_rows, status_shares)
 from ...errors import bounded
 from ...messages.synchronizer import SIDES
 
@@ -171,11 +172,31 @@ def _pattern(sensor):
     """Judge what pattern_node shows."""
     watch = sensor.pattern
     values = {'pattern.type': sensor.settings.pattern.type}
+    result = sensor.worker.account.result
+    track = None if result is None else result.projector
+    doubt = None
+    if track is not None:
+        values |= _projector(track)
+        doubt = doubt_about_projector(track, shown=watch.known and not watch.mismatch)
     if watch.mismatch:
         return WARN, watch.mismatch, values
+    if doubt:
+        return WARN, doubt, values
     if not watch.known:
         return OK, 'the projected pattern is unknown: no message on pattern/info', values
     return OK, 'the pattern shown is the one that is set', values
+
+
+def _projector(track):
+    """Return what the latest pair showed of the projector."""
+    values = {'projector': track.sentence()}
+    if track.usable:
+        x, y, z = track.model.center
+        std = track.model.center_std
+        values |= {'projector, place from the left camera (m)': f'{x:.4f} {y:.4f} {z:.4f}',
+                   'projector, standard deviation of the place (m)': float(std.max()),
+                   'projector, matches': track.model.matches}
+    return values
 
 
 def _range_images(sensor):
@@ -215,7 +236,8 @@ def _judge_results(sensor, worker, account, shares):
     few = doubt_about_ranges(shares) if shares else None
     if few:
         few += f' (few pixels have a range: {shares["valid"]:.1%})'
-    doubts = [*sensor.worker.doubts.current, *filter(None, [few])]
+    alone = worker.lost and f'{worker.lost}: left camera and projector measure without it'
+    doubts = [*filter(None, [alone]), *sensor.worker.doubts.current, *filter(None, [few])]
     if doubts:
         return WARN, '; '.join(doubts)
     return OK, 'measuring' if account.measured else 'waiting for the first pair'

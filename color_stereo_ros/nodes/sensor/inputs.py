@@ -83,7 +83,10 @@ class StereoInputs:
             return
         self._refusals.pop(side, None)
         self._look_at_header(side, msg)
-        pair = self.synchronizer.add(side, stamp_ns(msg.header), msg)
+        stamp = stamp_ns(msg.header)
+        pair = self.synchronizer.add(side, stamp, msg)
+        if pair is None and side == 'left' and self._settings.input.survive_right_loss:
+            pair = self.synchronizer.alone(stamp, msg, self._patience)
         if pair is not None:
             self._on_pair(pair)
 

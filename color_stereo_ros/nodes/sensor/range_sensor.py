@@ -12,6 +12,7 @@ from .diagnostics import Diagnostics
 from .inputs import StereoInputs
 from .outputs import Outputs
 from .pattern_watch import PatternWatch
+from .projector_info import ProjectorInfo
 from .save import Save
 from .services import ServiceThread
 from .worker import Setup, Worker
@@ -44,6 +45,7 @@ class RangeSensor:
         """Pairs that nobody wanted."""
         self.outputs = Outputs(node)
         self.pattern = PatternWatch(node, parameters)
+        self.projector = ProjectorInfo(node)
         self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger,
                              self.outputs.prepare)
         self.inputs = StereoInputs(node, parameters, self._take_pair, self._recalibrate)
@@ -102,6 +104,7 @@ class RangeSensor:
         self.outputs.publish(topics[:1], result, context)
         self.worker.note_published(pair)
         self.outputs.publish(topics[1:], result, context)
+        self.projector.note(result.projector, context.header)
         self.capture.succeed(pair, result, context)
 
     def _fail(self, pair, text):
@@ -162,6 +165,7 @@ class RangeSensor:
         self._services.destroy()
         self._node.destroy_timer(self._look_after_timer)
         self.pattern.destroy()
+        self.projector.destroy()
         self.inputs.destroy()
         self.worker.stop()
         self.outputs.destroy()

@@ -18,11 +18,14 @@ from ...messages.reading import image_to_rgb
 from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
 from ..complaints import Complaints
+from .projector_search import ProjectorSearch
 from .row_search import RowSearch
 
 _KEPT = 300
 _PATIENCE = 2.0  # s
 _TRACE = 4000  # characters
+_FLAT = 12.0  # DN, contrast of an image that shows nothing
+_EVERY = 4  # rows and columns that are looked at
 
 COMPILING = 'no compiled kernels are found: they are compiled now'
 READY = 'ready after'
@@ -102,13 +105,15 @@ class Worker:
         self._complain = Complaints(lambda text: logger.error(bounded(text, _TRACE)))
         self._warn = Complaints(lambda text: logger.warning(bounded(text)))
         self.doubts = Doubts(self._warn)
-        self._rows = RowSearch()
+        self._rows, self._projector = RowSearch(), ProjectorSearch()
         self.values = SignificantBits()
         self._built = None  # (key, ColorStereo)
         self._helper = None  # a process that compiles
         self._slot = LatestSlot()
         self._thread = threading.Thread(target=self._run, name='color_stereo', daemon=True)
         self.account = Account()
+        self.lost = None
+        """Why the latest pair was measured without the right camera; None: it was not."""
         self.state = 'getting ready'
         """'getting ready', 'ready', or why nothing can be measured."""
 
@@ -203,20 +208,31 @@ class Worker:
             self._note_uncalibrated(pair)
             return
         bits = setup.settings.input.significant_bits
-        left, right = (_image(side, message, bits) for side, message in (
-            ('left', pair.left), ('right', pair.right)))
-        result = stereo.process(left, right)
+        left, right = (_image(side, message, bits) if message is not None else None
+                       for side, message in (('left', pair.left), ('right', pair.right)))
+        self.lost = _loss(left, right) if setup.settings.input.survive_right_loss else None
+        if self.lost:
+            result = _with_projector(stereo, left, self.lost)
+        else:
+            result = stereo.process(left, right)
         if self._wanted.calibration is not setup.calibration:
             self._note_uncalibrated(pair)
             return
         self._publish(result, pair, setup)
         self._note_success(result)
+        if not self.lost:
+            self._look(stereo, pair, left, right, result, bits)
+
+    def _look(self, stereo, pair, left, right, result, bits):
+        """Look for what is odd about a pair, and for what its successors need."""
         self.values.note(pair)
         news = self.values.news(bits)
         if news:
             self._warn(news)
         self.doubts.look(stereo, left, right, result)
         self._rows.look(stereo, left, right, result)
+        if not self._rows.busy:
+            self._projector.look(stereo, result)
 
     def _stereo(self, setup):
         """Return the ColorStereo of a setup, built again if need be; None without calibration."""
@@ -263,3 +279,26 @@ def _image(side, message, significant_bits):
         return image_to_rgb(message, significant_bits)
     except ColorStereoError as error:
         raise type(error)(f'{side} image: {error}') from error
+
+
+def _loss(left, right):
+    """Return why the right camera cannot be used, None if it can."""
+    if right is None:
+        return 'the right camera is silent'
+    if _contrast(right) < _FLAT and _contrast(left) > 2 * _FLAT:
+        return 'the right camera is covered or dark'
+    return None
+
+
+def _contrast(image):
+    """Return by how much the values of an image differ, DN; extremes do not count."""
+    low, high = np.percentile(image[::_EVERY, ::_EVERY], (10, 90))
+    return float(high - low)
+
+
+def _with_projector(stereo, left, lost):
+    """Return the result of left camera and projector, or raise why there is none."""
+    track = stereo.projector
+    if track is None or track.model is None:
+        raise ColorStereoError(f'{lost}, and the projector is not known, which could replace it')
+    return stereo.process_left(left)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ...projector.patches import Measured, warm
-from ...projector.tracking import missed, Track
+from ...projector.tracking import aged, missed, Track
 from ...status import Status
 from .sweep import prepared_for
 from .tuning import TUNING
@@ -55,7 +55,7 @@ class Follower:
         """
         track = given.track or Track()
         if not track.held:
-            if track.model is None and not track.due:
+            if track.model is None and not (track.due and given.search):
                 return missed(track)
             measured = self.measured(two, given.image())
             tracker = given.tracker()
@@ -109,6 +109,8 @@ class Follower:
         track = track.but(agreeing=bool(agrees), share=share, shift=apart)
         if not agrees:
             return replace(nothing_of(measurement), projector=track)
+        if not track.held:
+            track = aged(track, float(np.nanmedian(measurement.depth)))
         extra = np.float32((tuning.factor * gain * apart) ** 2)
         return replace(measurement, projector=track,
                        disparity_std=np.sqrt(measurement.disparity_std ** 2 + extra),
