@@ -3,8 +3,10 @@
 
 from color_stereo_ros.core import Settings
 from color_stereo_ros.core.false_color import (automatic_limits, false_color, RANGE_COLORS,
-                                               range_limits, STATUS_COLORS, status_picture)
-from color_stereo_ros.core.legends import with_scale_bar, with_status_legend
+                                               range_limits, STATUS_COLORS, status_picture,
+                                               VIEW_COLORS, views_picture)
+from color_stereo_ros.core.legends import (with_scale_bar, with_status_legend,
+                                           with_views_legend)
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.errors import SettingsError
 
@@ -192,3 +194,13 @@ def test_the_legend_shows_every_color_of_the_status(height):
 def test_a_high_legend_has_the_meanings_and_a_low_one_the_names():
     high, low = (with_status_legend(np.zeros((height, 0, 3), np.uint8)) for height in (480, 120))
     assert (high > 100).any(axis=2).sum() > 2 * (low > 100).any(axis=2).sum()
+
+
+def test_the_views_have_the_color_of_who_saw_a_pixel():
+    picture = views_picture(np.array([[0, 1, 2, 3]], np.uint8))
+    assert [tuple(color) for color in picture[0].tolist()] == [
+        VIEW_COLORS[bits][1] for bits in range(4)]
+    wide = with_views_legend(np.zeros((60, 30, 3), np.uint8))
+    assert wide.shape[0] == 60 and wide.shape[1] > 30
+    for _, color in VIEW_COLORS.values():
+        assert (wide == color).all(axis=-1).any()

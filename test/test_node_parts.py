@@ -411,7 +411,7 @@ class CountedStereo:
         self.settings = Settings()
         self.alignment = Alignment.unknown((64, 48))
 
-    def process(self, left, right, alignment):
+    def process(self, left, right, alignment, projector):
         """Count."""
         self.calls += 1
         return self

@@ -77,6 +77,8 @@ def measure(args):
     write_result(output, result, settings)
     write_page(output / PAGE, args, left, right, result, settings)
     print(account(result))
+    if result.projector is not None:
+        print(about_views(result))
     print(f'Written to {output}:')
     for name, content in CONTENT.items():
         print(f'  {name:18}{content}')
@@ -108,6 +110,14 @@ def account(result):
     return '\n'.join(['Pixels by status:', *lines])
 
 
+def about_views(result):
+    """Return what is known of the projector, and what it adds, as text."""
+    import numpy as np
+    share = np.mean(result.views == 2)
+    text = f'Third view: {result.projector.sentence()}'
+    return text + (f'; {share:.1%} of the pixels have a range by it alone' if share else '')
+
+
 PAGE = 'index.html'
 CONTENT = {
     'depth_mm.png': '16 bit, millimeters, 0 = unknown',
@@ -116,6 +126,7 @@ CONTENT = {
     'confidence.png': '8 bit, 255 = 1',
     'status_codes.png': '8 bit, 0 = valid, otherwise the code of the reason (docs/nodes.md)',
     'status.png': 'the same for people: one color for each reason, with a legend',
+    'views.png': 'who saw a pixel beside the left camera: right camera, projector, both',
     'range_image.png': 'false colors of the depth with a scale bar, black = unknown',
     'points.ply': 'colored points in meters, rectified left camera',
     PAGE: 'page for a browser: the pictures, and the points to be turned',
@@ -136,8 +147,9 @@ def write_result(folder, result, settings):
     """
     import numpy as np
 
-    from ..core.false_color import false_color, range_limits, status_picture
-    from ..core.legends import with_scale_bar, with_status_legend
+    from ..core.false_color import (
+        false_color, range_limits, status_picture, views_picture)
+    from ..core.legends import with_scale_bar, with_status_legend, with_views_legend
     from ..files.cloud import save_cloud
     from ..files.image import write_image
     from ..messages.outputs import millimeters
@@ -151,6 +163,7 @@ def write_result(folder, result, settings):
         'confidence.png': np.rint(255 * result.confidence).astype(np.uint8),
         'status_codes.png': result.status,
         'status.png': with_status_legend(status_picture(result.status)),
+        'views.png': with_views_legend(views_picture(result.views)),
         'range_image.png': with_scale_bar(colors, *limits, picture.range_colors)}
     for name, image in images.items():
         write_image(folder / name, image)

@@ -141,6 +141,32 @@ def status_picture(status):
     return cv2.applyColorMap(status, _status_palette()[:, None])
 
 
+VIEW_COLORS = {3: ('right camera and projector', (215, 215, 215)),
+               1: ('right camera', (86, 180, 233)),
+               2: ('projector alone', (230, 159, 0)),
+               0: ('no range', (0, 0, 0))}
+"""Name and color, RGB, of who saw a pixel beside the left camera; see `Measurement.views`."""
+
+
+def views_picture(views):
+    """
+    Draw who saw each pixel in the colors of `VIEW_COLORS`.
+
+    Parameters
+    ----------
+    views : numpy.ndarray, uint8, shape (H, W)
+        Bits: 1 right camera, 2 projector.
+
+    Returns
+    -------
+    picture : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+
+    """
+    palette = np.array([VIEW_COLORS[bits][1] for bits in sorted(VIEW_COLORS)], np.uint8)
+    return palette[views & 3]
+
+
 def _color_index(depth, near, far):
     """Return uint8: 0 = unknown, 1 = near .. 255 = far."""
     scaled = (depth - np.float32(near)) * np.float32((_LEVELS - 1) / (far - near))

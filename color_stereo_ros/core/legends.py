@@ -7,7 +7,7 @@ import textwrap
 import cv2
 import numpy as np
 
-from .false_color import false_color, RANGE_COLORS, STATUS_COLORS
+from .false_color import false_color, RANGE_COLORS, STATUS_COLORS, VIEW_COLORS
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _FONT_SCALE = 0.38
@@ -64,6 +64,35 @@ def with_status_legend(picture):
 
     """
     return np.concatenate((picture, _status_legend(picture.shape[0])), axis=1)
+
+
+def with_views_legend(picture):
+    """
+    Return a picture of `views_picture` with the names of its colors to the right of it.
+
+    Parameters
+    ----------
+    picture : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+
+    Returns
+    -------
+    picture : numpy.ndarray, uint8, shape (H, W', 3), W' > W
+        RGB.
+
+    """
+    return np.concatenate((picture, _views_legend(picture.shape[0])), axis=1)
+
+
+@lru_cache(maxsize=8)
+def _views_legend(height):
+    """Return the colors of who saw a pixel with their names, RGB."""
+    most = max((height - _MARGIN) // _LINE, 1)
+    names = [(color, name, []) for name, color in VIEW_COLORS.values()]
+    strip = np.concatenate([_column(height, names[first:first + most])
+                            for first in range(0, len(names), most)], axis=1)
+    strip.setflags(write=False)
+    return strip
 
 
 @lru_cache(maxsize=8)

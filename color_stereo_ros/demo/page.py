@@ -19,8 +19,9 @@ import cv2
 import numpy as np
 
 from ..core.account import status_shares
-from ..core.false_color import automatic_limits, false_color, STATUS_COLORS, status_picture
-from ..core.legends import with_scale_bar
+from ..core.false_color import (
+    automatic_limits, false_color, STATUS_COLORS, status_picture, views_picture)
+from ..core.legends import with_scale_bar, with_views_legend
 from ..core.results import RangeResult
 from ..core.settings import Settings
 from ..core.status import Status
@@ -146,11 +147,18 @@ def make_pair_page(names, left, right, result, limits):
     figures = [_figure('', image, caption) for image, caption in (
         (left, 'Left camera, raw: what goes in'), (right, 'Right camera, raw'),
         (_png(picture), f'Depth: {_told(limits)}'),
-        (_png(status_picture(result.status)), 'Why a pixel has no range'))]
+        (_png(status_picture(result.status)), 'Why a pixel has no range'),
+        (_png(with_views_legend(views_picture(result.views))), _about_views(result)))]
     share = 100 * np.isfinite(result.depth).mean()
     return _html(PAIR_INTRODUCTION, ' and '.join(names), '', _told(limits), _grid(
         f'{share:.1f} % of the pixels have a range', '', result.status,
         [_viewer('pair', result.points(), result.image, limits), *figures]), '')
+
+
+def _about_views(result):
+    """Return the caption of the picture of the views."""
+    text = 'Who saw a pixel beside the left camera'
+    return text if result.projector is None else f'{text}: {result.projector.sentence()}'
 
 
 def _html(introduction, made, summary, colors, sections, ending):
