@@ -111,7 +111,7 @@ def test_the_modules_that_a_page_names_exist(path):
 def test_the_constants_that_a_page_names_exist(path):
     groups = '|'.join(spec.name for spec in fields(TUNING))
     named = set(re.findall(rf'`((?:{groups})\.\w+)`', path.read_text()))
-    files = {name for name in named if name.endswith(('.py', '.yaml'))}
+    files = {name for name in named if name.endswith(('.py', '.yaml', '.png'))}
     assert named - files <= {entry.name for entry in listed(TUNING)}
 
 

@@ -41,8 +41,8 @@ def contender(kind, folder, disparities, threads):
     Parameters
     ----------
     kind : str
-        'surface', 'paper': ColorStereo.process of the raw pair; 'bm', 'sgbm': OpenCV's matcher
-        alone, on the rectified pair.
+        'surface', 'third view', 'paper': ColorStereo.process of the raw pair; 'bm', 'sgbm':
+        OpenCV's matcher alone, on the rectified pair.
     folder : str
         With pair.npy, left.yaml and right.yaml.
     disparities : int
@@ -59,6 +59,11 @@ def contender(kind, folder, disparities, threads):
     folder = Path(folder)
     calibration = StereoCalibration.from_yaml(folder / 'left.yaml', folder / 'right.yaml')
     left, right = np.load(folder / 'pair.npy')
+    if kind == 'third view':
+        stereo = ColorStereo(calibration, bench_settings(calibration, disparities,
+                                                         third_view='automatic'))
+        stereo.process(left, right)  # finds the projector
+        return lambda: stereo.process(left, right).seconds
     if kind in ('surface', 'paper'):
         stereo = ColorStereo(calibration, bench_settings(calibration, disparities, kind))
         return lambda: stereo.process(left, right).seconds

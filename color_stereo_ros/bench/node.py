@@ -117,10 +117,10 @@ class Bench:
         return float(said[1]) - self._start * 1e-9
 
     def _parameters(self):
-        """Return the arguments that set the depth limits of the bench."""
+        """Return the arguments that set the depth limits of the bench, for two views."""
         from .scene import bench_settings
         limits = bench_settings(self._cameras.calibration, 128).range
-        return ('-p', f'range.min_depth:={limits.min_depth}',
+        return ('-p', 'matching.third_view:=off', '-p', f'range.min_depth:={limits.min_depth}',
                 '-p', f'range.max_depth:={limits.max_depth}')
 
     def _first(self):

@@ -36,9 +36,11 @@ def bench_calibration(size=VGA):
         (-0.10, 0.07, -0.0003, 0.0004, 0.0), turned, -turned @ np.array([0.06, 0.0005, -0.0004]))
 
 
-def bench_settings(calibration, disparities, method='surface'):
+def bench_settings(calibration, disparities, method='surface', third_view='off'):
     """
     Return settings whose depth limits make a method search a number of whole disparities.
+
+    The matchers that are compared know two views.
 
     The interval is laid around the scene as far as the distance stays finite.
 
@@ -50,7 +52,8 @@ def bench_settings(calibration, disparities, method='surface'):
     far, near = (geometry.focal_baseline / (disparity - geometry.principal_offset)
                  for disparity in (first + 0.25, first + disparities - 1.25))
     return Settings().updated({'range.min_depth': near, 'range.max_depth': far,
-                               'matching.method': method})
+                               'matching.method': method,
+                               'matching.third_view': third_view})
 
 
 def bench_pair(calibration):

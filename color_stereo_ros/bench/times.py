@@ -27,7 +27,7 @@ class Contender:
     """What is measured."""
 
     kind: str
-    """surface, paper, bm or sgbm."""
+    """surface, third view, paper, bm or sgbm."""
     size: tuple = VGA
     """Width and height, px."""
     disparities: int = 128
@@ -56,6 +56,7 @@ def all_contenders():
     """Return every contender of the full run."""
     wide, double = (960, 720), (1280, 960)
     found = [Contender('surface'), Contender('bm'), Contender('sgbm'), Contender('paper'),
+             Contender('third view'),
              Contender('surface', VGA, 64), Contender('surface', VGA, 192),
              Contender('surface', VGA, 256), Contender('bm', VGA, 256),
              Contender('surface', (320, 240), 64), Contender('surface', wide, 192),

@@ -184,8 +184,8 @@ def doubt_about_projector(track, shown):
         return None
     lost = not track.agreeing and track.model is not None
     odd = track.reason in (Reason.MIRRORED, Reason.TWICE, Reason.APART, Reason.PICTURE)
-    searched = track.reason not in (None, Reason.FOUND)
-    if odd or lost or track.agreeing or (shown and searched):
+    absent = shown and track.reason is Reason.ABSENT
+    if odd or lost or track.agreeing or absent:
         return track.sentence()
     return None
 

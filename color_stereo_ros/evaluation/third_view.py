@@ -14,10 +14,8 @@ from time import process_time
 
 import numpy as np
 
-from ..core import ColorStereo, make_pattern, PatternSettings, Settings
-from ..core.projector.finding import ProjectorFinder
+from ..core import ColorStereo, PatternSettings, Settings
 from ..core.projector.model import COUNT, ProjectorModel
-from ..core.projector.patches import Measured
 from .metrics import RIGHT, words
 from .stress.disturbances import DISTURBANCES
 from .stress.light import LightScenes, MAIN, SCENES
@@ -111,28 +109,25 @@ def compared(scene, case, exact, seed=1):
     settings = Settings().updated({'range.min_depth': near, 'range.max_depth': far,
                                    **rig.settings})
     stereo = ColorStereo(scene.calibration, settings)
+    stereo.use_projector(None)
     rows = {'two views': timed(lambda: stereo.process(*pair), truth)}
-    result = stereo.process(*pair)
-    model, sentence = projector_of(scene, settings, result, exact)
-    if model is None:
-        return rows, sentence
-    stereo.use_projector(model)
+    if exact:
+        stereo.use_projector(exact_projector(scene))
+    else:
+        stereo.reset()  # the first pair finds it
+    track = stereo.process(*pair).projector
+    if not track.usable:
+        return rows, track.sentence()
     rows['three views'] = timed(lambda: stereo.process(*pair), truth)
     rows['third alone'] = timed(lambda: stereo.process_left(pair[0]), truth)
-    return rows, sentence
+    return rows, track.sentence()
 
 
-def projector_of(scene, settings, result, exact):
-    """Return the ProjectorModel of a scene, None if it is not found, and a sentence."""
-    if exact:
-        from ..sim import load_scene
-        source, rig = SCENES[scene.name]
-        model = true_projector(load_scene(source, rig=rig).rig)
-        return model, model.sentence()
-    geometry = result.geometry
-    finder = ProjectorFinder(make_pattern(settings.pattern), (geometry.width, geometry.height))
-    finding = finder.find(Measured.of(result))
-    return finding.model, finding.sentence()
+def exact_projector(scene):
+    """Return the ProjectorModel of the simulator for a scene."""
+    from ..sim import load_scene
+    source, rig = SCENES[scene.name]
+    return true_projector(load_scene(source, rig=rig).rig)
 
 
 def timed(measure, truth):

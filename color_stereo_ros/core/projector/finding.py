@@ -21,6 +21,8 @@ class Reason(Enum):
 
     FOUND = 'projector found'
     STILL = 'projector not found: the left image shows too little: dark, covered or out of focus'
+    SMOOTH = ('projector not found: the pattern of the settings has too few structures to be '
+              'recognized in two dimensions')
     ABSENT = ('projector not found: the left image does not show the pattern of the settings; '
               'does the projector show it, and are pattern.type, size, feature_size and seed '
               'its own?')
@@ -100,6 +102,8 @@ class ProjectorFinder:
         finding : Finding
 
         """
+        if self.features.count < TUNING.find.least_features:
+            return Finding(None, Reason.SMOOTH)
         matches = self.features.matched(measured.image, inside)
         if len(matches) < TUNING.find.least_matches:
             return Finding(None, self._why(matches, measured.image, inside), len(matches))
