@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures of docs/surface_method.md are those that their command makes."""
+"""The pictures of the pages about the surface method are those that their command makes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -33,8 +33,9 @@ def figures():
     return method_pictures.pictures(OnePair())
 
 
-def test_every_picture_of_the_page_is_made(figures):
-    page = (ROOT / 'docs/surface_method.md').read_text()
+def test_every_picture_of_the_pages_is_made(figures):
+    page = ''.join((ROOT / f'docs/{name}.md').read_text()
+                   for name in ('surface_method', 'third_view'))
     assert sorted(figures) == sorted(re.findall(r'\(steps/(\w+)\.png\)', page))
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The pictures of docs/surface_method.md: what each step of the surface method writes for one pair.
+The pictures of docs/surface_method.md and docs/third_view.md: what each step writes for one pair.
 
 `python -m color_stereo_ros.evaluation.method_pictures docs/steps` needs the extras [sim,tools].
 
@@ -34,6 +34,7 @@ REJECTED = ListedColormap(['#e6e8ec', '#c8553d'])
 TILES = ListedColormap(['#440154', '#21918c', '#fde725'])
 REASONS = ListedColormap(['#f2f2f2', '#3b4252', '#20262f', '#ffd23f', '#7a5ab0', '#3d6cb4',
                           '#c8553d', '#8fb339', '#e58fb1'])
+VIEWS = ListedColormap(['#000000', '#56b4e9', '#e69f00', '#d7d7d7'])
 ROOTS = ('root of cost', 'root of misfit', 'root of std, px^0.5', 'root of apart, px^0.5',
          'root of imbalance')
 
@@ -266,6 +267,22 @@ def pixels_picture(steps):
         reasons_panel('status', found.status)])
 
 
+def third_view_picture(scene):
+    """Return the depth of two and of three views, and who saw a pixel."""
+    measured = []
+    for choice in ('off', 'automatic'):
+        settings = Settings().updated({**scene.settings, 'matching.third_view': choice})
+        measured.append(ColorStereo(scene.calibration, settings).process(scene.left, scene.right))
+    two, three = measured
+    scale = limits_of(two.disparity)
+    return draw([
+        ('left image, rectified', three.image, '', {}),
+        ('two views', two.disparity, 'disparity, px', scale),
+        ('three views', three.disparity, 'disparity, px', scale),
+        codes_panel('who saw a pixel', three.views, '1 right camera, 2 projector, 3 both',
+                    VIEWS)])
+
+
 def pictures(renders):
     """
     Return the pictures by name.
@@ -292,7 +309,8 @@ def pictures(renders):
         '7_evidence': evidence_picture(method),
         '8_trust': trust_picture(steps, inner, method),
         '9_repetitions': repetitions_picture(repeating, repeating['colors'].grid.inner),
-        '10_pixels': pixels_picture(steps)}
+        '10_pixels': pixels_picture(steps),
+        '11_third_view': third_view_picture(renders.pair(SCENE, default_pattern()))}
 
 
 def save(figure, path):
