@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from projected import projector
 from ros_rig import calibration, PAPER, scene
 from surface_pairs import exposed, photographed
 
@@ -14,8 +15,10 @@ from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import (
     ColorStereo, PatternSettings, Settings, Status, StereoCalibration)
 from color_stereo_ros.core.account import (
-    doubts_about_features, doubts_about_images, doubts_about_result, main_reason, status_shares)
+    doubt_about_projector, doubts_about_features, doubts_about_images, doubts_about_result,
+    main_reason, status_shares)
 from color_stereo_ros.core.patterns.feature_size import feature_size_in, FIELDS
+from color_stereo_ros.core.projector import Reason, Track
 from color_stereo_ros.files.image import write_image
 
 SHAPE = 6, 8
@@ -186,3 +189,14 @@ def test_the_swapped_order_of_a_parallel_rig_is_refused_by_its_baseline():
     rig = calibration()
     with pytest.raises(ValueError, match='swapped'):
         StereoCalibration(rig.right, rig.left)
+
+
+@pytest.mark.parametrize('model, changes, shown, told', [
+    (None, {}, True, False), (projector(), {'agreeing': True, 'explains': False}, False, True),
+    (projector(), {'agreeing': True}, True, False), (projector(), {}, False, True),
+    (None, {'reason': Reason.ABSENT}, False, False), (None, {'reason': Reason.ABSENT}, True, True),
+    (None, {'reason': Reason.MIRRORED}, False, True), (None, {'reason': Reason.FLAT}, True, False),
+    (None, {'reason': Reason.MIRRORED, 'held': True}, True, False)])
+def test_what_should_be_looked_after_at_the_projector_is_told(model, changes, shown, told):
+    track = Track(model).but(**changes)
+    assert doubt_about_projector(track, shown) == (track.sentence() if told else None)
