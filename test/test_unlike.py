@@ -160,6 +160,17 @@ def test_compression_is_seen_and_costs_few_ranges(usual, quality):
     assert share_right(usual.process(*images)) > 0.95
 
 
+@pytest.mark.parametrize('quality', [85, 60])
+@pytest.mark.parametrize('side', [0, 1])
+def test_compression_of_one_view_costs_no_more_than_that_of_both(usual, side, quality):
+    images = list(pair())
+    images[side] = compressed(images[side], quality)
+    assert share_right(usual.process(*images)) > 0.95
+    views = usual._method.views
+    assert views.compressed
+    assert views.quantization == quantization(images[side], TUNING.raw)
+
+
 @pytest.mark.parametrize('quality', [95, 85])
 def test_a_compressed_dark_background_does_not_decide_about_the_colors(usual, quality):
     lit = np.zeros((HEIGHT, WIDTH), bool)

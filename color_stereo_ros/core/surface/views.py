@@ -50,7 +50,7 @@ class Views:
     noise_weight : numpy.float32
         Of the pair in force, see `gains.noise_weight`.
     compressed : bool
-        The chroma of the pair in force is subsampled.
+        The chroma of a view of the pair in force is subsampled.
     evened : float
         Blur that was evened out in the pair in force, px^2, see `even.apply`.
     quantization : float
@@ -107,8 +107,8 @@ class Views:
         color = self.settings.color
         left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
                        else image for image in (left, right))
-        # chroma that is subsampled in one view alone would make the views unlike
-        self.compressed = all(chroma_is_subsampled(image, self.raw) for image in (left, right))
+        # where one view is compressed, the other one gets the same treatment: they stay alike
+        self.compressed = any(chroma_is_subsampled(image, self.raw) for image in (left, right))
         cell = self.raw.dark_cell if self.compressed else 1
         levels = [self.left.load(left, color, cell), self.right.load(right, color, cell)]
         self.share_dark_levels(levels)
