@@ -97,6 +97,30 @@ def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatc
     assert abs(across) < 0.5
 
 
+@pytest.mark.parametrize('side', ['left', 'right'])
+def test_motion_along_a_diagonal_is_evened_out_along_it(usual, monkeypatch, side):
+    kernel = np.eye(7) / 7  # variance and covariance (7^2 - 1) / 12 px^2
+    images = pair(**{side: lambda light: cv2.filter2D(light, -1, kernel,
+                                                      borderType=cv2.BORDER_REPLICATE)})
+    seen, result = found(usual, images, monkeypatch)
+    assert share_right(result) > 0.95
+    expected = 4.0 * (1 if side == 'left' else -1)
+    assert sum(each.oblique for each in seen) == pytest.approx(expected, rel=0.3)
+    np.testing.assert_allclose(sum(each.blur[:, 0] for each in seen), expected, rtol=0.3)
+
+
+@pytest.mark.parametrize('covariance', [[[3.0, 2.0], [2.0, 1.4]], [[3.0, -2.0], [-2.0, 1.4]],
+                                        [[9.0, 0.0], [0.0, 0.01]], [[0.1, 0.05], [0.05, 0.1]]])
+@pytest.mark.parametrize('step_x', [1, 2])
+def test_an_oblique_kernel_has_the_covariance_asked_for(covariance, step_x):
+    kernel = even.oblique_kernel(np.array(covariance), step_x, TUNING.unlike)
+    reach = len(kernel) // 2
+    y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1] * np.array([2, step_x])[:, None, None]
+    assert kernel.sum() == pytest.approx(1, abs=1e-5)
+    moments = [[(kernel * a * b).sum() for b in (x, y)] for a in (x, y)]
+    np.testing.assert_allclose(moments, covariance, atol=1e-4)
+
+
 def test_blur_is_not_evened_out_where_it_is_switched_off():
     images = pair(right=blurred(3.0, 3.0))
     assert share_right(sensor(matching__blur_matching=False).process(*images)) < 0.5

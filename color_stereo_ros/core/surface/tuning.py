@@ -483,6 +483,13 @@ class UnlikeTuning(Constants):
     even_odds: float = constant(
         0.4, '1', 'Log-odds that this factor leaves as they are.',
         derived('As `raw.even_odds`.'))
+    least_oblique: float = constant(
+        0.35, '1', 'Covariance of unequal blur between rows and columns over its variance from '
+        'which the blur is oblique.',
+        chosen('Lenses out of focus stay below .1; motion along a diagonal has 1.'))
+    small_bell: float = constant(
+        0.4, 'nodes^2', 'Sum of the variances of the three by three weights of oblique blur.',
+        derived('The weight of the node itself stays positive.'))
     blur_prior: float = constant(
         9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
         derived('A sigma of 3 px is plausible.'))
