@@ -3,6 +3,7 @@
 
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.pipeline import Stopwatch
+from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
 from color_stereo_ros.core.surface.raw_faults import (
@@ -157,6 +158,24 @@ def test_bands_of_a_one_chip_projector_are_removed(usual, monkeypatch):
     lambda light: light * [1.0, 1.0, 0.3]], ids=['gamma', 'crosstalk', 'strong crosstalk', 'blue'])
 def test_one_camera_of_other_colors_costs_no_ranges(usual, change):
     assert share_right(usual.process(*pair(right=change))) > 0.97
+
+
+@pytest.mark.parametrize('exposures', [(2.5, 2.5), (1.0, 2.5), (2.5, 1.0)])
+def test_a_saturated_channel_costs_no_ranges(usual, exposures):
+    left, right = (lambda light, times=times: times * light for times in exposures)
+    images = pair(left, right)
+    clipped = [np.mean(image.max(axis=2) == 255) for image in images]
+    assert np.array_equal(np.array(clipped) > 0.5, np.array(exposures) > 1)
+    assert share_right(usual.process(*images)) > 0.97
+
+
+def test_white_that_is_saturated_has_no_ranges(usual):
+    white = np.zeros((HEIGHT, WIDTH, 1))
+    white[80:160, 80:240] = 2
+    images = pair(*(lambda light: white + light,) * 2)
+    result = usual.process(*images)
+    assert np.isnan(result.disparity[95:145, 130:200]).mean() > 0.9
+    assert (result.status[95:145, 130:200] == Status.SATURATED).mean() > 0.9
 
 
 def test_two_scenes_are_not_made_alike(usual, monkeypatch):
