@@ -91,6 +91,48 @@ def test_blur_that_was_evened_out_is_doubted(usual):
     assert views.evened == 0
 
 
+def test_blur_makes_doubtful_nodes_less_doubtful():
+    stereo = sensor()
+    trust, unlike = stereo._method.trust, TUNING.unlike
+    stereo.process(*pair())
+    before = np.array([-0.5, 0.4, 3.5], np.float32)
+    for excess in (1.0, 4.0, 9.0):
+        verdict = trust.verdict
+        verdict.log_odds[8, 8:11] = before
+        trust.doubt_blur(excess, verdict)
+        doubtful, even, sure = verdict.log_odds[8, 8:11]
+        assert -0.5 < doubtful <= unlike.even_odds + 1e-6
+        assert even > 0.4 and sure < 3.5
+
+
+def test_blur_that_makes_colors_match_everywhere_is_evened_out_first(usual, monkeypatch):
+    coarse = type(usual._method.coarse)
+    share, asked = coarse.rival_share, []
+
+    def rivals(search):
+        asked.append(share(search))
+        return 0.3 if len(asked) == 1 else asked[-1]
+
+    monkeypatch.setattr(coarse, 'rival_share', rivals)
+    result = usual.process(*pair(left=blurred(3.0, 3.0)))
+    assert len(asked) > 1 and result.rival_share == 0
+    assert not usual._method.brightness.active
+    assert share_right(result) > 0.95
+
+
+def test_rivals_that_blur_does_not_explain_leave_the_views_as_they_are(usual, monkeypatch):
+    monkeypatch.setattr(type(usual._method.coarse), 'rival_share', lambda search: 0.3)
+    images = pair(left=blurred(3.0, 3.0))
+    views = usual._method.views
+    result = usual.process(*images)
+    assert result.rival_share == 0.3
+    found = views.left.u.copy(), views.right.u.copy()
+    monkeypatch.setattr(type(usual._method), 'blur_explains_rivals', lambda method, views: False)
+    usual.process(*images)
+    for each, view in zip(found, (views.left, views.right)):
+        np.testing.assert_array_equal(each, view.u)
+
+
 def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):
     seen, _ = found(usual, pair(right=lambda light: cv2.blur(light, (7, 1))), monkeypatch)
     along, across = sum(each.blur[:, 0] for each in seen)

@@ -237,11 +237,18 @@ class Trust:
         np.copyto(odds, changed + F4(raw.added_odds) * share, where=possible)
 
     def doubt_blur(self, excess, verdict):
-        """Doubt matches by how much more blur was evened out than clean pairs show, px^2."""
+        """
+        Doubt matches by how much more blur was evened out than clean pairs show, px^2.
+
+        High log-odds fall, those of doubtful nodes rise: blur makes evidence weak, for and against
+        a match.
+
+        """
         unlike, odds = self.unlike, verdict.log_odds
         factor = F4(max(1 - unlike.doubt_per_blur * excess, unlike.least_factor))
         even = F4(unlike.even_odds)
-        np.copyto(odds, even + factor * (odds - even),
+        lift = F4(min(unlike.lift_per_blur * excess, unlike.largest_lift))
+        np.copyto(odds, even + factor * (odds + lift - even),
                   where=odds > F4(self.tuning.island_odds))
         verdict.std[:] *= F4(1 + unlike.std_per_blur * excess)
 

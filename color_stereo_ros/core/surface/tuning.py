@@ -469,10 +469,19 @@ class UnlikeTuning(Constants):
         chosen('True planes of blurred colors contradict each other by more. Share of right '
                'pixels with .3 and .5, a sigma of 3 px of the right view: casting .823 and .846, '
                'effector_bin .754 and .781; wrong 3.9 and 4.6, 13.7 and 14.4 %.'))
+    lift_per_blur: float = constant(
+        0.2, 'px^-2', 'By how much log-odds rise with blur evened out, before they are doubted.',
+        chosen('Log-odds of -.5 to .4 are .55 to .67 right at a sigma of 2 px, .47 to .55 at 3 px, '
+               'four scenes. Density, 2 and 3 px of the right view: casting .913 -> .933, .875 -> '
+               '.902; effector_bin .918 -> .938, .875 -> .915.'))
+    largest_lift: float = constant(
+        0.9, '1', 'Largest such rise.',
+        chosen('Nodes of log-odds below -.5 are wrong more often than right.'))
     doubt_per_blur: float = constant(
-        0.068, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
-        chosen('A sigma of 3 px of the right view, effector_bin: log-odds of 3 to 4 are .80 '
-               'right, those of 4 to 6 .93.'))
+        0.12, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
+        chosen('Log-odds of 3 to 4 are .93 right at a sigma of 2 px of the right view, .88 at 3 '
+               'px, four scenes. Was .068: wrong ranges of confidence above .9 at 2 px, casting '
+               '.26 -> .19 %, airplane .09 -> .04 %.'))
     std_per_blur: float = constant(
         0.031, 'px^-2', 'By how much the factor of the standard deviation rises with it.',
         chosen('z68 without it, a sigma of 3 px of the right view: casting .95, effector_bin '
@@ -969,6 +978,9 @@ class RepetitionTuning(Constants):
     noticed_share: float = constant(
         0.18, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
         'images show.', chosen('Between these figures.'))
+    sure_share: float = constant(
+        0.4, '1', 'Such a share that unequal blur does not explain.',
+        chosen('One view blurred by 3 px: .05 to .24. Repeating colors: mostly .5 to .9.'))
     noticed_step: int = constant(
         2, 'coarse nodes', 'Distance of the nodes that are asked for that.',
         unexplained('A share needs no more.'))

@@ -119,6 +119,21 @@ class Views:
         self.noise_weight = F4(noise_weight(left, self.tuning))
         return self
 
+    def copied(self):
+        """Return what `restore` takes: the colors of both views as they are now."""
+        return [each.copy() for each in self.colors()]
+
+    def restore(self, kept):
+        """Take back what has changed in the colors since `copied` returned this."""
+        for each, old in zip(self.colors(), kept):
+            each[:] = old
+        self.evened = 0.0
+
+    def colors(self):
+        """Return the arrays of colors that are changed where views are made alike."""
+        return [plane for view in (self.left, self.right)
+                for plane in (view.u, view.v, view.s, view.variance)]
+
     def average(self):
         """Average slow colors, and let print show in them; where nothing finer is to be seen."""
         for view in (self.left, self.right):
