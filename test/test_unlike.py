@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Views that differ in blur, color, compression and hot pixels: what is measured and mended."""
 
+import math
+
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
 from color_stereo_ros.core.surface.raw_faults import (
-    chroma_is_subsampled, has_hot_pixels, quantization, without_hot_pixels)
+    chroma_is_subsampled, has_hot_pixels, quantization, sharpness, without_hot_pixels)
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
 import cv2
 import numpy as np
@@ -89,6 +91,35 @@ def test_blur_that_was_evened_out_is_doubted(usual):
     assert np.nanmedian(sharp.disparity_std) < found[0][1] < found[1][1]
     usual.process(*pair())
     assert views.evened == 0
+
+
+@pytest.mark.parametrize('sigma', [0.0, 1.0, 3.0])
+def test_sharpness_is_that_of_the_sharpest_edges(sigma):
+    step = np.zeros((HEIGHT, WIDTH, 3))
+    for start in range(20, WIDTH, 40):
+        step[:, start:start + 20] = 200
+    step[:, :30] = np.linspace(0, 200, 30)[:, None]  # slow changes do not count
+    image = np.rint(blurred(sigma, sigma)(step) if sigma else step).astype(np.uint8)
+    # the largest change is that from half a pixel before a step to 1.5 px behind it
+    expected = sum(math.erf(x / (sigma * math.sqrt(2))) for x in (0.5, 1.5)) / 2 if sigma else 1
+    assert sharpness(image, TUNING.unlike) == pytest.approx(expected, abs=0.08)
+    assert sharpness(image[:, :8], TUNING.unlike) == sharpness(0 * image, TUNING.unlike) == 1
+
+
+def test_blur_of_both_views_is_doubted(usual):
+    views = usual._method.views
+    usual.process(*pair())
+    assert views.common_blur == 0
+    found = []
+    for sigma in (2.0, 3.0):
+        images = pair(left=blurred(sigma, sigma), right=blurred(sigma, sigma))
+        result = usual.process(*images)
+        assert views.common_blur == pytest.approx(sigma ** 2, rel=0.4)
+        assert share_right(result) > 0.95
+        found.append(np.median(result.confidence))
+    assert found[0] > found[1] > 0.8
+    usual.process(*pair(right=blurred(3.0, 3.0)))
+    assert views.common_blur == 0  # that of one view is evened out
 
 
 def test_blur_makes_doubtful_nodes_less_doubtful():

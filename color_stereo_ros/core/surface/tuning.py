@@ -499,6 +499,30 @@ class UnlikeTuning(Constants):
     small_bell: float = constant(
         0.4, 'nodes^2', 'Sum of the variances of the three by three weights of oblique blur.',
         derived('The weight of the node itself stays positive.'))
+    common: bool = constant(
+        True, '1', 'Doubt pairs that are blurred in both views alike.',
+        derived('Aperiodic colors have edges that are as sharp as the views.'))
+    edge_rows: int = constant(
+        16, 'px', 'Distance of the rows whose sharpest edges are looked at.',
+        chosen('30 rows of an image of 480, .0005 s.'))
+    edge_reach: int = constant(
+        13, 'px', 'Columns over which the height of an edge is measured.',
+        chosen('Edges under a sigma of 3 px are as wide.'))
+    least_edge: int = constant(
+        40, 'DN', 'Height of an edge above which it counts.', derived('As `raw.spike`.'))
+    least_edges: int = constant(
+        500, 'px', 'Places on edges below which sharpness is unknown.',
+        chosen('The sharpest of them are few.'))
+    edge_rank: int = constant(
+        200, '1', 'One of so many places on edges is sharper than what counts as the sharpness.',
+        chosen('Single pixels do not decide.'))
+    sharpnesses: tuple = constant(
+        (0.42, 0.7), '1', 'Change over two pixels at the sharpest edges, over their height, at '
+        'which `common_blurs` hold.',
+        chosen('Five scenes: sharp .85 to .99, projector out of focus .71 to .92, sigma of 1.5 px '
+               '.60 to .73, 3 px .40 to .48.'))
+    common_blurs: tuple = constant(
+        (9.0, 1.0), 'px^2', 'Blur of both views.', derived('A sigma of 3 px; `discord_blurs`.'))
     blur_prior: float = constant(
         9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
         derived('A sigma of 3 px is plausible.'))
@@ -1058,6 +1082,7 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
         'Both cameras may see different parts of the pattern: the blocks decide.')),
     'views.balance_blocks': Change((12, 9), chosen(
         'A block of 53 px holds whole cycles of most patterns.')),
+    'unlike.common': Change(False, derived('Slow colors have no sharp edges.')),
     'unlike.quiet_scale': Change(0.0, derived(
         'Small gains do not show in the scale, but move colors in one dimension.')),
     'unlike.least_gain': Change(0.01, chosen(
