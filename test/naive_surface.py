@@ -77,10 +77,10 @@ def channel_levels(image, step, known_dark, darkest):
 
 def sample_colors(box, index, frac_x, frac_y, dark, gain, soft, saturation, noise):
     """Return u, v, s, peak and variance of the nodes; box is (H, W, 3)."""
-    u, v, s, peak = np.zeros((4, *index.shape))
+    u, v, s, peak, lowest = np.zeros((5, *index.shape))
     for y, x in nodes_of(index.shape):
         if index[y, x] < 0:
-            peak[y, x] = -1
+            peak[y, x] = lowest[y, x] = -1
             continue
         row, column = divmod(index[y, x], box.shape[1])
         raw = bilinear(box, row, column, frac_y[y, x], frac_x[y, x]) / 4
@@ -88,8 +88,8 @@ def sample_colors(box, index, frac_x, frac_y, dark, gain, soft, saturation, nois
         s[y, x] = r + g + b
         u[y, x] = (2 * r - g - b) / (s[y, x] + soft)
         v[y, x] = math.sqrt(3) * (g - b) / (s[y, x] + soft)
-        peak[y, x] = max(raw)
-    return u, v, s, peak, color_variance(s, peak, saturation, *map(float, noise))
+        peak[y, x], lowest[y, x] = max(raw), min(raw)
+    return u, v, s, peak, color_variance(s, lowest, saturation, *map(float, noise))
 
 
 def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, shape):
@@ -106,13 +106,13 @@ def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, shape):
     return out
 
 
-def color_variance(s, peak, saturation, floor, shot, relative):
+def color_variance(s, lowest, saturation, floor, shot, relative):
     """Return the variance of each chromaticity."""
     out = np.empty(s.shape)
     for y, x in nodes_of(s.shape):
         total = max(float(s[y, x]), 1e-3)
         out[y, x] = (floor + shot * total + relative * total ** 2) / total ** 2
-        if peak[y, x] < 0 or peak[y, x] >= saturation or out[y, x] > SILENT_VARIANCE:
+        if lowest[y, x] < 0 or lowest[y, x] >= saturation or out[y, x] > SILENT_VARIANCE:
             out[y, x] = SILENT_VARIANCE
     return out
 

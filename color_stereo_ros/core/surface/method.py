@@ -302,6 +302,9 @@ class SurfaceMethod:
             if share < self.tuning.repetition.noticed_share:
                 return coarse
             self.rival_share = share
+            if self.blur_explains_rivals(views):
+                self.rival_share = 0.0
+                return coarse
         brightness.load(views)
         return self.detailed_seeds(views)
 
@@ -393,19 +396,44 @@ class SurfaceMethod:
 
         """
         if pair.scale > self.tuning.unlike.quiet_scale:
-            if not self.evening.explains(views, planes) and self.evening.even_spread(views):
-                pair = self.search_again(views, planes)
-            for _ in range(self.tuning.unlike.searches + 1):
-                changed, size = self.evening.improve(views, planes)
-                if not changed:
-                    break
-                if size >= 1:
-                    pair = self.search_again(views, planes)
-                    continue
-                pair = self.measured_anew(views, planes)
-                break
+            pair = self.make_alike(views, planes, pair)
         clock.lap('even out', pair)
         return pair
+
+    def make_alike(self, views, planes, pair):
+        """Do what `even_out` does, without asking whether a difference is likely."""
+        if not self.evening.explains(views, planes) and self.evening.even_spread(views):
+            pair = self.search_again(views, planes)
+        for _ in range(self.tuning.unlike.searches + 1):
+            changed, size = self.evening.improve(views, planes)
+            if not changed:
+                break
+            if size >= 1:
+                pair = self.search_again(views, planes)
+                continue
+            return self.measured_anew(views, planes)
+        return pair
+
+    def blur_explains_rivals(self, views):
+        """
+        Return whether colors match at several places because one view is blurred.
+
+        Then the views have been made alike, and the coarse search has been done in them.
+        Otherwise the views stay as they are.
+
+        """
+        tuning = self.tuning
+        if not self.evening.on or self.rival_share > tuning.repetition.sure_share:
+            return False
+        kept = views.copied()
+        self.make_alike(views, self.planes, self.search_again(views, self.planes))
+        if views.evened > 0:
+            self.coarse.search(views)
+            if self.coarse.rival_share() < tuning.repetition.noticed_share:
+                return True
+        views.restore(kept)
+        self.coarse.search(views)
+        return False
 
     def search_again(self, views, planes):
         """Search and fit seeds in views that have changed; return the PairModel."""

@@ -85,6 +85,34 @@ def step_of(values, tuning):
     return found
 
 
+def sharpness(image, tuning):
+    """
+    Return how sharp the sharpest edges of an image are: change over two pixels over their height.
+
+    Only the green channel is looked at. 1 where there are too few edges to tell.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+    tuning : UnlikeTuning
+
+    """
+    rows = np.ascontiguousarray(image[tuning.edge_rows // 2::tuning.edge_rows, :, 1])
+    if rows.shape[0] == 0 or rows.shape[1] <= tuning.edge_reach:
+        return 1.0
+    around = np.ones((1, tuning.edge_reach), np.uint8)
+    height = cv2.subtract(cv2.dilate(rows, around), cv2.erode(rows, around))[:, 1:-1]
+    change = cv2.absdiff(rows[:, 2:], rows[:, :-2])
+    edges = height > tuning.least_edge
+    count = np.count_nonzero(edges)
+    if count < tuning.least_edges:
+        return 1.0
+    share = change[edges].astype(F4) / height[edges]
+    at = count - 1 - count // tuning.edge_rank
+    return float(np.partition(share, at)[at])
+
+
 def has_hot_pixels(image, tuning):
     """
     Return whether more single pixels stand out of an image than scenes and noise explain.

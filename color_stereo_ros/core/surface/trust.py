@@ -117,7 +117,7 @@ class Trust:
             self.doubt_repetitions(odds, verdict)
         if views.compressed:
             self.doubt_dark_places(views, verdict)
-        excess = views.evened - self.unlike.discord_blurs[0]
+        excess = views.blur - self.unlike.discord_blurs[0]
         if excess > 0:
             self.doubt_blur(excess, verdict)
         return verdict
@@ -160,9 +160,9 @@ class Trust:
     def discord_distance(self, views):
         """Return the root of the distance from which nodes contradict their neighbors, px^.5."""
         distance, unlike, raw = self.tuning.discord_distance, self.unlike, self.raw
-        if views.evened > unlike.discord_blurs[0]:
+        if views.blur > unlike.discord_blurs[0]:
             distance = max(distance, np.interp(
-                views.evened, unlike.discord_blurs, unlike.discord_distances))
+                views.blur, unlike.discord_blurs, unlike.discord_distances))
         if views.compressed:
             distance = max(distance, np.interp(
                 views.quantization, raw.quantizations, raw.discord_distances))
@@ -237,11 +237,18 @@ class Trust:
         np.copyto(odds, changed + F4(raw.added_odds) * share, where=possible)
 
     def doubt_blur(self, excess, verdict):
-        """Doubt matches by how much more blur was evened out than clean pairs show, px^2."""
+        """
+        Doubt matches by how much more blur both views share than clean pairs show, px^2.
+
+        High log-odds fall, those of doubtful nodes rise: blur makes evidence weak, for and against
+        a match.
+
+        """
         unlike, odds = self.unlike, verdict.log_odds
         factor = F4(max(1 - unlike.doubt_per_blur * excess, unlike.least_factor))
         even = F4(unlike.even_odds)
-        np.copyto(odds, even + factor * (odds - even),
+        lift = F4(min(unlike.lift_per_blur * excess, unlike.largest_lift))
+        np.copyto(odds, even + factor * (odds + lift - even),
                   where=odds > F4(self.tuning.island_odds))
         verdict.std[:] *= F4(1 + unlike.std_per_blur * excess)
 

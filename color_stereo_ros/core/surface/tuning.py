@@ -469,10 +469,19 @@ class UnlikeTuning(Constants):
         chosen('True planes of blurred colors contradict each other by more. Share of right '
                'pixels with .3 and .5, a sigma of 3 px of the right view: casting .823 and .846, '
                'effector_bin .754 and .781; wrong 3.9 and 4.6, 13.7 and 14.4 %.'))
+    lift_per_blur: float = constant(
+        0.2, 'px^-2', 'By how much log-odds rise with blur evened out, before they are doubted.',
+        chosen('Log-odds of -.5 to .4 are .55 to .67 right at a sigma of 2 px, .47 to .55 at 3 px, '
+               'four scenes. Density, 2 and 3 px of the right view: casting .913 -> .933, .875 -> '
+               '.902; effector_bin .918 -> .938, .875 -> .915.'))
+    largest_lift: float = constant(
+        0.9, '1', 'Largest such rise.',
+        chosen('Nodes of log-odds below -.5 are wrong more often than right.'))
     doubt_per_blur: float = constant(
-        0.068, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
-        chosen('A sigma of 3 px of the right view, effector_bin: log-odds of 3 to 4 are .80 '
-               'right, those of 4 to 6 .93.'))
+        0.12, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
+        chosen('Log-odds of 3 to 4 are .93 right at a sigma of 2 px of the right view, .88 at 3 '
+               'px, four scenes. Was .068: wrong ranges of confidence above .9 at 2 px, casting '
+               '.26 -> .19 %, airplane .09 -> .04 %.'))
     std_per_blur: float = constant(
         0.031, 'px^-2', 'By how much the factor of the standard deviation rises with it.',
         chosen('z68 without it, a sigma of 3 px of the right view: casting .95, effector_bin '
@@ -483,6 +492,37 @@ class UnlikeTuning(Constants):
     even_odds: float = constant(
         0.4, '1', 'Log-odds that this factor leaves as they are.',
         derived('As `raw.even_odds`.'))
+    least_oblique: float = constant(
+        0.35, '1', 'Covariance of unequal blur between rows and columns over its variance from '
+        'which the blur is oblique.',
+        chosen('Lenses out of focus stay below .1; motion along a diagonal has 1.'))
+    small_bell: float = constant(
+        0.4, 'nodes^2', 'Sum of the variances of the three by three weights of oblique blur.',
+        derived('The weight of the node itself stays positive.'))
+    common: bool = constant(
+        True, '1', 'Doubt pairs that are blurred in both views alike.',
+        derived('Aperiodic colors have edges that are as sharp as the views.'))
+    edge_rows: int = constant(
+        16, 'px', 'Distance of the rows whose sharpest edges are looked at.',
+        chosen('30 rows of an image of 480, .0005 s.'))
+    edge_reach: int = constant(
+        13, 'px', 'Columns over which the height of an edge is measured.',
+        chosen('Edges under a sigma of 3 px are as wide.'))
+    least_edge: int = constant(
+        40, 'DN', 'Height of an edge above which it counts.', derived('As `raw.spike`.'))
+    least_edges: int = constant(
+        500, 'px', 'Places on edges below which sharpness is unknown.',
+        chosen('The sharpest of them are few.'))
+    edge_rank: int = constant(
+        200, '1', 'One of so many places on edges is sharper than what counts as the sharpness.',
+        chosen('Single pixels do not decide.'))
+    sharpnesses: tuple = constant(
+        (0.42, 0.7), '1', 'Change over two pixels at the sharpest edges, over their height, at '
+        'which `common_blurs` hold.',
+        chosen('Five scenes: sharp .85 to .99, projector out of focus .71 to .92, sigma of 1.5 px '
+               '.60 to .73, 3 px .40 to .48.'))
+    common_blurs: tuple = constant(
+        (9.0, 1.0), 'px^2', 'Blur of both views.', derived('A sigma of 3 px; `discord_blurs`.'))
     blur_prior: float = constant(
         9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
         derived('A sigma of 3 px is plausible.'))
@@ -962,6 +1002,9 @@ class RepetitionTuning(Constants):
     noticed_share: float = constant(
         0.18, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
         'images show.', chosen('Between these figures.'))
+    sure_share: float = constant(
+        0.4, '1', 'Such a share that unequal blur does not explain.',
+        chosen('One view blurred by 3 px: .05 to .24. Repeating colors: mostly .5 to .9.'))
     noticed_step: int = constant(
         2, 'coarse nodes', 'Distance of the nodes that are asked for that.',
         unexplained('A share needs no more.'))
@@ -1039,6 +1082,7 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
         'Both cameras may see different parts of the pattern: the blocks decide.')),
     'views.balance_blocks': Change((12, 9), chosen(
         'A block of 53 px holds whole cycles of most patterns.')),
+    'unlike.common': Change(False, derived('Slow colors have no sharp edges.')),
     'unlike.quiet_scale': Change(0.0, derived(
         'Small gains do not show in the scale, but move colors in one dimension.')),
     'unlike.least_gain': Change(0.01, chosen(
