@@ -112,7 +112,7 @@ class SurfaceMethod:
         views, planes, solver = self.views, self.planes, self.least_squares
         color_matrix(views, planes, F4(1), self.tuning)
         self.bends.unbend(solver.linearized, views, planes, PairModel.neutral(views), solver,
-                          planes.tiles[:1], np.ones(1, F4))
+                          planes.tiles[:1], np.ones(1, F4), self.linearize)
 
     def warm_brightness(self):
         """Run the kernels of pairs whose brightness counts: the black pair shows no detail."""
@@ -122,7 +122,15 @@ class SurfaceMethod:
         self.coarse.rival_share()
         self.coarse.period_odds(found)
         brightness.rely_on(found, views.grid)
-        self.linearize(views, planes.seed(found), PairModel.neutral(views), planes.tiles[:1])
+        neutral = PairModel.neutral(views)
+        self.linearize(views, planes.seed(found), neutral, planes.tiles[:1])
+        if self.settings.matching.refinements:  # slow colors without detail ask for none of this
+            self.suit(self.detailed)
+            self.bends.correct(self.least_squares.linearized, views, planes, neutral,
+                               self.least_squares, self.linearize)
+            self.quality.correct_variance(self.least_squares.linearized, planes,
+                                          self.least_squares.reference)
+            self.suit(self.tuning)
         brightness.rest()
 
     def measure(self, left, right, clock, alignment=None, search=None):
@@ -169,7 +177,7 @@ class SurfaceMethod:
         """
         Put planes of bent surfaces in the right place; variances know what colors share.
 
-        Writes d, a, b, variance and misfit of planes. Where brightness counts, they stay.
+        Writes d, a, b, variance and misfit of planes.
 
         Parameters
         ----------
@@ -181,11 +189,10 @@ class SurfaceMethod:
 
         """
         solver = self.least_squares
-        if not self.brightness.active:
-            if self.settings.matching.refinements:
-                self.bends.correct(solver.linearized, views, planes, pair, solver)
-                clock.lap('bend', planes)
-            solver.correct_variance(planes)
+        if self.settings.matching.refinements:
+            self.bends.correct(solver.linearized, views, planes, pair, solver, self.linearize)
+            clock.lap('bend', planes)
+        solver.correct_variance(planes)
 
     def make_std_true(self, verdict, planes, alignment):
         """
@@ -203,7 +210,7 @@ class SurfaceMethod:
         """
         inner = self.views.grid.inner
         assumed = planes.variance[inner].copy()
-        if self.settings.matching.refinements and not self.brightness.active:
+        if self.settings.matching.refinements:
             solver = self.least_squares
             self.quality.correct_variance(solver.linearized, planes, solver.reference)
         if alignment is not None:
@@ -339,6 +346,7 @@ class SurfaceMethod:
             self.least_squares.suit(tuning.planes)
             self.trust.suit(tuning)
             self.rows.suit(tuning)
+            self.bends.tuning, self.quality.tuning = tuning.bends, tuning.quality
             self.in_force = tuning
 
     def fit_seeds(self, views, planes, pair, clock):

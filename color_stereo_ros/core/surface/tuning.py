@@ -1091,7 +1091,8 @@ def detailed_tuning(tuning):
     """Return how planes are fitted and judged where a pair shows detail in its brightness."""
     if tuning.views.averaging_radius:  # those of slow colors
         tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
-                         trust=TUNING.trust, rows=TUNING.rows)
+                         trust=TUNING.trust, rows=TUNING.rows, bends=TUNING.bends,
+                         quality=TUNING.quality)
     return replace(tuning, neighbors=replace(tuning.neighbors,
                                              inertia=tuning.brightness.inertia))
 
