@@ -128,8 +128,9 @@ class SurfaceMethod:
             self.suit(self.detailed)
             self.bends.correct(self.least_squares.linearized, views, planes, neutral,
                                self.least_squares, self.linearize)
-            self.quality.correct_variance(self.least_squares.linearized, planes,
-                                          self.least_squares.reference)
+            self.quality.sample(self.least_squares.linearized, planes,
+                                self.least_squares.reference)
+            self.quality.correct_variance(planes)
             self.suit(self.tuning)
         brightness.rest()
 
@@ -161,7 +162,7 @@ class SurfaceMethod:
         views, planes = self.views, self.planes
         self.bend(views, planes, pair, clock)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
-                                   self.brightness.light(views.left))
+                                   self.brightness.light(views.left), self.uneven(planes))
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
         self.make_std_true(verdict, planes, alignment)
@@ -194,6 +195,23 @@ class SurfaceMethod:
             clock.lap('bend', planes)
         solver.correct_variance(planes)
 
+    def uneven(self, planes):
+        """
+        Measure how well planes fit; return what makes log-odds of this pair true.
+
+        Returns
+        -------
+        uneven : numpy.ndarray, float32, shape (rows, columns), or None
+            See `Quality.uneven`; None: an aperiodic pattern, for which log-odds are fitted.
+
+        """
+        if not self.settings.matching.refinements:
+            return None
+        self.quality.sample(self.least_squares.linearized, planes, self.least_squares.reference)
+        if self.expectation.aperiodic and not self.brightness.seeded:
+            return None
+        return self.quality.uneven()
+
     def make_std_true(self, verdict, planes, alignment):
         """
         Scale standard deviations by how well planes fit and by what is unknown of the rows.
@@ -211,12 +229,10 @@ class SurfaceMethod:
         inner = self.views.grid.inner
         assumed = planes.variance[inner].copy()
         if self.settings.matching.refinements:
-            solver = self.least_squares
-            self.quality.correct_variance(solver.linearized, planes, solver.reference)
+            self.quality.correct_variance(planes)
         if alignment is not None:
             self.rows.widen(planes, alignment)
-        known = (assumed > 0) & np.isfinite(assumed)
-        verdict.std[inner][known] *= np.sqrt(planes.variance[inner][known] / assumed[known])
+        self.trust.rescale(verdict, assumed, planes.variance[inner])
 
     def match_aligned(self, left, right, alignment, search, clock):
         """
