@@ -132,8 +132,8 @@ class CoarseSearch:
         """
         Return the share of clear nodes, and the log-odds of the right period, float32 (h, w).
 
-        The odds rise with that share, and where another search agrees. Where it agrees widely the
-        period is right: two searches do not slip alike. A bare
+        The odds rise with that share, and where another search agrees. Where it agrees widely, and
+        most nodes are clear, the period is right: two searches hardly slip alike. A bare
         surface without any depth edge around gets those of the coarse search alone.
 
         Parameters
@@ -155,8 +155,9 @@ class CoarseSearch:
         agree = cv2.blur(agree, 2 * (tuning.agreement_surroundings,))
         alone, both, apart = (np.interp(clear, tuning.clear_shares, odds) for odds in (
             tuning.odds, tuning.agreed_odds, tuning.contested_odds))
-        low, high = tuning.wide_agreement
-        both += np.clip((wide - low) / (high - low), 0, 1) * (tuning.agreed_odds[-1] - both)
+        certain = np.interp(wide, tuning.wide_agreement, (0, 1))
+        certain *= np.interp(clear, tuning.partly_clear, (0, 1))
+        both += certain * (tuning.agreed_odds[-1] - both)
         known = apart + agree * (both - apart)
         return clear, (alone + self.anchored(theirs) * (known - alone)).astype(F4)
 

@@ -1003,7 +1003,12 @@ class RepetitionTuning(Constants):
         (0.55, 0.75), '1', 'Shares of agreement among `surroundings` from which the period begins '
         'to be certain, and from which it is.',
         chosen('133 pairs, six scenes: periods slip at .1 to .53 only; others have .63 to .97. '
-               'Share of the right ranges above a confidence of .9: .67 -> .83.'))
+               'Share of the right ranges above a confidence of .9, effector_bin and airplane: '
+               '.56 -> .64, .46 -> .63.'))
+    partly_clear: tuple = constant(
+        (0.6, 0.8), '1', 'Shares of clear nodes between which that comes to hold.',
+        chosen('Under gloss, two searches slip alike on a bare plane: .19 of it would be above a '
+               'confidence of .9 with .3 and .6. Textured pairs have .7 and more.'))
     contested_odds: tuple = constant(
         (0.45, 0.45, 0.45, 0.45, 0.45, 0.6, 2.0, 14.0), '1', 'The same where they do not.',
         chosen('Right: .81 .71 .64 .57 .51 .85 on the same pairs.'))
