@@ -464,10 +464,10 @@ def unbend(weight, pull, planes, variance, tiles, noise, smooth, gate, noise_wei
     return out
 
 
-def sample_quality(d, weight, moment, variance, misfit, reference, step, shape):
-    """Return root pull, mean root misfit, second difference and 1 of the samples (4, h, w)."""
+def sample_quality(d, weight, moment, variance, reference, step, shape):
+    """Return root pull, second difference and 1 of the samples (3, h, w)."""
     kernels = quality_kernels
-    out = np.zeros((4, *shape))
+    out = np.zeros((3, *shape))
     reach = range(-kernels.REACH, kernels.REACH + 1)
     pulls = write_pulls(weight, moment, d, reference)
     for row, column in nodes_of(shape):
@@ -479,8 +479,7 @@ def sample_quality(d, weight, moment, variance, misfit, reference, step, shape):
                 and variance[y, x] < kernels.WORST_VARIANCE):
             continue
         pull = abs(sum(pulls[node] for node in window)) / math.sqrt(total)
-        level = np.mean([math.sqrt(capped(misfit[node])) for node in window])
-        out[:, row, column] = (min(pull, kernels.PULL_CAP), level,
+        out[:, row, column] = (min(pull, kernels.PULL_CAP),
                                min(*bends, kernels.UNEVEN_CAP), 1)
     return out
 

@@ -112,7 +112,7 @@ class SurfaceMethod:
         views, planes, solver = self.views, self.planes, self.least_squares
         color_matrix(views, planes, F4(1), self.tuning)
         self.bends.unbend(solver.linearized, views, planes, PairModel.neutral(views), solver,
-                          planes.tiles[:1], np.ones(1, F4))
+                          planes.tiles[:1], np.ones(1, F4), self.linearize)
 
     def warm_brightness(self):
         """Run the kernels of pairs whose brightness counts: the black pair shows no detail."""
@@ -122,7 +122,16 @@ class SurfaceMethod:
         self.coarse.rival_share()
         self.coarse.period_odds(found)
         brightness.rely_on(found, views.grid)
-        self.linearize(views, planes.seed(found), PairModel.neutral(views), planes.tiles[:1])
+        neutral = PairModel.neutral(views)
+        self.linearize(views, planes.seed(found), neutral, planes.tiles[:1])
+        if self.settings.matching.refinements:  # slow colors without detail ask for none of this
+            self.suit(self.detailed)
+            self.bends.correct(self.least_squares.linearized, views, planes, neutral,
+                               self.least_squares, self.linearize)
+            self.quality.sample(self.least_squares.linearized, planes,
+                                self.least_squares.reference)
+            self.quality.correct_variance(planes)
+            self.suit(self.tuning)
         brightness.rest()
 
     def measure(self, left, right, clock, alignment=None, search=None):
@@ -153,7 +162,7 @@ class SurfaceMethod:
         views, planes = self.views, self.planes
         self.bend(views, planes, pair, clock)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
-                                   self.brightness.light(views.left))
+                                   self.brightness.light(views.left), self.uneven(planes))
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
         self.make_std_true(verdict, planes, alignment)
@@ -169,7 +178,7 @@ class SurfaceMethod:
         """
         Put planes of bent surfaces in the right place; variances know what colors share.
 
-        Writes d, a, b, variance and misfit of planes. Where brightness counts, they stay.
+        Writes d, a, b, variance and misfit of planes.
 
         Parameters
         ----------
@@ -181,11 +190,27 @@ class SurfaceMethod:
 
         """
         solver = self.least_squares
-        if not self.brightness.active:
-            if self.settings.matching.refinements:
-                self.bends.correct(solver.linearized, views, planes, pair, solver)
-                clock.lap('bend', planes)
-            solver.correct_variance(planes)
+        if self.settings.matching.refinements:
+            self.bends.correct(solver.linearized, views, planes, pair, solver, self.linearize)
+            clock.lap('bend', planes)
+        solver.correct_variance(planes)
+
+    def uneven(self, planes):
+        """
+        Measure how well planes fit; return what makes log-odds of this pair true.
+
+        Returns
+        -------
+        uneven : numpy.ndarray, float32, shape (rows, columns), or None
+            See `Quality.uneven`; None: an aperiodic pattern, for which log-odds are fitted.
+
+        """
+        if not self.settings.matching.refinements:
+            return None
+        self.quality.sample(self.least_squares.linearized, planes, self.least_squares.reference)
+        if self.expectation.aperiodic and not self.brightness.seeded:
+            return None
+        return self.quality.uneven()
 
     def make_std_true(self, verdict, planes, alignment):
         """
@@ -203,13 +228,11 @@ class SurfaceMethod:
         """
         inner = self.views.grid.inner
         assumed = planes.variance[inner].copy()
-        if self.settings.matching.refinements and not self.brightness.active:
-            solver = self.least_squares
-            self.quality.correct_variance(solver.linearized, planes, solver.reference)
+        if self.settings.matching.refinements:
+            self.quality.correct_variance(planes)
         if alignment is not None:
             self.rows.widen(planes, alignment)
-        known = (assumed > 0) & np.isfinite(assumed)
-        verdict.std[inner][known] *= np.sqrt(planes.variance[inner][known] / assumed[known])
+        self.trust.rescale(verdict, assumed, planes.variance[inner])
 
     def match_aligned(self, left, right, alignment, search, clock):
         """
@@ -342,6 +365,7 @@ class SurfaceMethod:
             self.least_squares.suit(tuning.planes)
             self.trust.suit(tuning)
             self.rows.suit(tuning)
+            self.bends.tuning, self.quality.tuning = tuning.bends, tuning.quality
             self.in_force = tuning
 
     def fit_seeds(self, views, planes, pair, clock):

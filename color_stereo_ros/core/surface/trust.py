@@ -11,7 +11,8 @@ from ..compiled import BANDS
 from ..status import Status
 from .grid_kernels import F4
 from .trust_kernels import (
-    APART, brightness_balance, distrust_islands, find_hidden, settle, weigh_evidence)
+    APART, brightness_balance, distrust_islands, find_hidden, settle, STD_PER_DISTANCE,
+    VARIANCE_FACTOR, weigh_evidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +82,7 @@ class Trust:
         self.form[0, 0] += F4(self.tuning.odds_offset)
         self.robust_misfit = F4(tuning.planes.robust_misfit)
 
-    def judge(self, views, planes, seeds, confirmed=None, light=None):
+    def judge(self, views, planes, seeds, confirmed=None, light=None, uneven=None):
         """
         Find out how far each node can be trusted, and why some cannot.
 
@@ -94,6 +95,8 @@ class Trust:
             Added to the log-odds of the nodes.
         light : numpy.ndarray, float32, framed, optional
             Brightness that tells whether a node is lit, DN; default: its own.
+        uneven : numpy.ndarray, float32, shape (rows, columns), optional
+            See `temper`.
 
         Returns
         -------
@@ -106,6 +109,8 @@ class Trust:
             self.distrust_unsteady()
         if self.tuning.discord_odds:
             self.distrust_discord(planes, self.discord_distance(views))
+        if uneven is not None:
+            self.temper(uneven)
         self.distrust_islands(views, planes)
         self.find_hidden(planes)
         verdict = self.settle(views, planes, views.left.s if light is None else light)
@@ -142,6 +147,21 @@ class Trust:
         excess = np.maximum(self.evidence[APART] - F4(tuning.steady_distance), F4(0))
         lowered = np.maximum(odds - F4(tuning.unsteady_odds) * excess, F4(tuning.unsteady_floor))
         np.fmin(odds, lowered, out=odds)  # the distance is NaN where there is no plane
+
+    def temper(self, uneven):
+        """
+        Make log-odds of surfaces true that no aperiodic colors tell apart.
+
+        Wrong planes of slow colors and of texture fit as well as right ones. They are rough.
+        A node keeps log-odds of `trust.kept_odds`, so that hardly any range is lost.
+        uneven, float32 (rows, columns): see `Quality.uneven`.
+
+        """
+        tuning, odds = self.tuning, self.log_odds[self.grid.inner]
+        true = (F4(tuning.tempered_odds) + F4(tuning.tempered_factor) * odds
+                - F4(tuning.rough_odds) * uneven)
+        true = np.maximum(true, np.minimum(odds, F4(tuning.kept_odds)))
+        np.copyto(odds, true, where=odds > F4(tuning.island_odds))
 
     def usual_balance(self, views, planes):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
@@ -223,6 +243,23 @@ class Trust:
                F4(color.saturation_level - 1), F4(color.min_signal), F4(self.tuning.hidden_odds),
                F4(self.tuning.vague_std), verdict.std, verdict.log_odds, verdict.reason)
         return verdict
+
+    def rescale(self, verdict, assumed, variance):
+        """
+        Change verdict.std from assumed variances of planes to true ones.
+
+        Parameters
+        ----------
+        verdict : Verdict
+        assumed, variance : numpy.ndarray, float32, shape (rows, columns)
+            Variances as `judge` has taken them, and as they are, px^2.
+
+        """
+        distance = STD_PER_DISTANCE * self.evidence[APART] ** 2
+        others = (distance * distance) / VARIANCE_FACTOR
+        known = (assumed > 0) & np.isfinite(assumed)
+        ratio = (variance[known] + others[known]) / (assumed[known] + others[known])
+        verdict.std[self.grid.inner][known] *= np.sqrt(ratio)
 
     def doubt_dark_places(self, views, verdict):
         """Change the log-odds of compressed images by their light, and the deviation."""

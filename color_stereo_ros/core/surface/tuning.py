@@ -741,19 +741,21 @@ class QualityTuning(Constants):
         4.0, 'px^2', 'Variance from which a plane says nothing.',
         chosen('A standard deviation of 2 px.'), compiled=True)
     pull_gain: float = constant(
-        2.5, '1', 'Factor of the variance per squared mean root pull; 0: variances stay.',
-        chosen('Eleven simulated scenes, clean and disturbed in ten ways: |error| / std of .74 to '
-               '1.5 at 68 %, before .24 to 12.'))
+        5.0, '1', 'Factor of the variance per squared mean root pull where the second difference '
+        'is 1 px; 0: variances stay.',
+        chosen('Maximum likelihood (robust: a Student distribution) of the errors of 130 pairs: '
+               'four scenes, 35 disturbances and patterns. |error| / std at 68 %, 18 of 20 pairs: '
+               '.82 to 1.39; before .64 to 1.34; smallest one .74 instead of .45.'))
     factor_limits: tuple = constant(
         (0.02, 200.0), '1', 'Smallest and largest factor of the variance.',
         chosen('Crosstalk in one camera asks for .06; the largest is far from any pair.'))
-    bend_gain: float = constant(
-        0.22, '1', 'Variance added per squared second difference where planes fit badly.',
-        chosen('Found with `pull_gain`. Second differences of independent errors have 6 times '
-               'their variance; the smaller of two, capped, has less.'))
-    misfits: tuple = constant(
-        (1.55, 1.9), '1', 'Mean root misfits between which planes begin to fit badly.',
-        chosen('Found with `pull_gain`. Clean: .9; rows off by .25 px 1.4, by .5 px 1.8.'))
+    uneven_power: float = constant(
+        0.33, '1', 'Power of the mean second difference, px, in that factor.',
+        chosen('Found with `pull_gain`. Scatter of the logarithm of |error| / std at 68 % over '
+               'these pairs: .20, without it .29; over five parts of a pair .27, .40.'))
+    even: float = constant(
+        0.02, 'px', 'Smallest mean second difference that counts.',
+        chosen('Noise of large planes; .01 and .05 scatter as much.'))
 
 
 @dataclass(frozen=True)
@@ -960,6 +962,22 @@ class TrustTuning(Constants):
     unsteady_floor: float = constant(
         1.4, '1', 'Log-odds that such a node keeps: a confidence of .8.',
         chosen('Without it .02 fewer right ranges.'))
+    tempered_odds: float = constant(
+        -0.33, '1', 'Log-odds where the second difference is 1 px and other evidence says '
+        'nothing, unless colors are aperiodic.',
+        chosen('Logistic regression on 110 pairs: six scenes under ten patterns named unknown, '
+               'sines and sweeps. Wrong of those above .9, effector_bin, mean of 19 pairs: 9.5 -> '
+               '5 %. The same weights hold for gray pairs and slow colors, '
+               'which were left out.'))
+    tempered_factor: float = constant(
+        0.42, '1', 'Factor of the log-odds of other evidence there.',
+        chosen('Found with `tempered_odds`: log-odds of an aperiodic pattern are too sure.'))
+    rough_odds: float = constant(
+        1.1, '1', 'Log-odds that a node loses where the second difference is e times as large.',
+        chosen('Found with `tempered_odds`. Wrong planes scatter.'))
+    kept_odds: float = constant(
+        1.0, '1', 'Log-odds that such a node keeps: a confidence of .73.',
+        chosen('Without it .01 fewer right ranges; .45: .005, since pixels lie between nodes.'))
     discord_odds: float = constant(
         20.0, '1', 'Log-odds that nodes lose where all around contradict; 0: not asked.',
         chosen('More than any node has (9662ae5).'))
@@ -1024,6 +1042,16 @@ class RepetitionTuning(Constants):
         (0.9, 0.9, 1.1, 1.3, 2.0, 3.0, 5.0, 14.0), '1', 'As `odds`, where two searches agree.',
         chosen('Right at these shares on seventeen pairs: .93 .85 .87 .94 .95 .98 1; lower, since '
                'bare walls under 32 periods are right at half of the places.'))
+    wide_agreement: tuple = constant(
+        (0.55, 0.75), '1', 'Shares of agreement among `surroundings` from which the period begins '
+        'to be certain, and from which it is.',
+        chosen('133 pairs, six scenes: periods slip at .1 to .53 only; others have .63 to .97. '
+               'Share of the right ranges above a confidence of .9, effector_bin and airplane: '
+               '.56 -> .64, .46 -> .63.'))
+    partly_clear: tuple = constant(
+        (0.6, 0.8), '1', 'Shares of clear nodes between which that comes to hold.',
+        chosen('Under gloss, two searches slip alike on a bare plane: .19 of it would be above a '
+               'confidence of .9 with .3 and .6. Textured pairs have .7 and more.'))
     contested_odds: tuple = constant(
         (0.45, 0.45, 0.45, 0.45, 0.45, 0.6, 2.0, 14.0), '1', 'The same where they do not.',
         chosen('Right: .81 .71 .64 .57 .51 .85 on the same pairs.'))
@@ -1135,7 +1163,8 @@ def detailed_tuning(tuning):
     """Return how planes are fitted and judged where a pair shows detail in its brightness."""
     if tuning.views.averaging_radius:  # those of slow colors
         tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
-                         trust=TUNING.trust, rows=TUNING.rows)
+                         trust=TUNING.trust, rows=TUNING.rows, bends=TUNING.bends,
+                         quality=TUNING.quality)
     return replace(tuning, neighbors=replace(tuning.neighbors,
                                              inertia=tuning.brightness.inertia))
 
