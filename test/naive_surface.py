@@ -684,6 +684,17 @@ def find_hidden(planes, trust, rows, columns, width, hidden_distance):
     return hidden
 
 
+def rescale_std(std, apart, assumed, variance):
+    """Return standard deviations of true variances instead of assumed ones."""
+    scaled = std.astype(float)
+    for row, column in nodes_of(std.shape):
+        before, after = float(assumed[row, column]), float(variance[row, column])
+        other = (STD_PER_DISTANCE * apart[row, column] ** 2) ** 2 / VARIANCE_FACTOR
+        if 0 < before < math.inf:
+            scaled[row, column] *= math.sqrt((after + other) / (before + other))
+    return scaled
+
+
 def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
            saturation, min_signal, hidden_odds, vague_std):
     """Return standard deviation, log-odds and the reason for no range, (rows, columns) each."""

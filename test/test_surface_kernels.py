@@ -35,7 +35,7 @@ from color_stereo_ros.core.surface.texture_kernels import (
     add_seeds, linearize_brightness, local_colors)
 from color_stereo_ros.core.surface.trust_kernels import (
     brightness_balance, distrust_islands, find_hidden, HOPELESS_ODDS, ISLAND_ODDS, join_nodes,
-    MISFIT_CAP, root_of, settle, UNKNOWN_ODDS, weigh_evidence)
+    MISFIT_CAP, rescale_std, root_of, settle, UNKNOWN_ODDS, weigh_evidence)
 from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.core.surface.view_kernels import (
     add_color_sums, box_sums, channel_levels, sample_colors)
@@ -725,6 +725,18 @@ def test_every_reason_is_given_and_as_documented():
     np.testing.assert_allclose(odds[INNER], expected[1], rtol=1e-4)
     np.testing.assert_array_equal(reason[INNER], expected[2])
     assert set(np.unique(reason[INNER])) == {code.value for code in Status} - {Status.VALID}
+
+
+def test_deviations_follow_the_variances_of_planes():
+    rng = np.random.default_rng(27)
+    std, apart = rng.uniform(0.01, 1, (2, ROWS, COLUMNS)).astype(F4)
+    assumed, variance = rng.choice([0, np.nan, np.inf, 1e-4, 0.02, 0.3],
+                                   (2, ROWS, COLUMNS)).astype(F4)
+    scaled = std.copy()
+    rescale_std(scaled, apart, assumed, variance)
+    expected = naive.rescale_std(std, apart, assumed, variance)
+    assert not np.array_equal(scaled, std)
+    np.testing.assert_allclose(scaled, expected, rtol=1e-5)
 
 
 def expanded(size, seed):

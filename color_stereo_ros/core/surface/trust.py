@@ -11,8 +11,7 @@ from ..compiled import BANDS
 from ..status import Status
 from .grid_kernels import F4
 from .trust_kernels import (
-    APART, brightness_balance, distrust_islands, find_hidden, settle, STD_PER_DISTANCE,
-    VARIANCE_FACTOR, weigh_evidence)
+    APART, brightness_balance, distrust_islands, find_hidden, rescale_std, settle, weigh_evidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,11 +254,7 @@ class Trust:
             Variances as `judge` has taken them, and as they are, px^2.
 
         """
-        distance = STD_PER_DISTANCE * self.evidence[APART] ** 2
-        others = (distance * distance) / VARIANCE_FACTOR
-        known = (assumed > 0) & np.isfinite(assumed)
-        ratio = (variance[known] + others[known]) / (assumed[known] + others[known])
-        verdict.std[self.grid.inner][known] *= np.sqrt(ratio)
+        rescale_std(verdict.std[self.grid.inner], self.evidence[APART], assumed, variance)
 
     def doubt_dark_places(self, views, verdict):
         """Change the log-odds of compressed images by their light, and the deviation."""

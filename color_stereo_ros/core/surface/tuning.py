@@ -471,8 +471,8 @@ class UnlikeTuning(Constants):
                'effector_bin .754 and .781; wrong 3.9 and 4.6, 13.7 and 14.4 %.'))
     lift_per_blur: float = constant(
         0.2, 'px^-2', 'By how much log-odds rise with blur evened out, before they are doubted.',
-        chosen('Log-odds of -.5 to .4 are .55 to .67 right at a sigma of 2 px, .47 to .55 at 3 px, '
-               'four scenes. Density, 2 and 3 px of the right view: casting .913 -> .933, .875 -> '
+        chosen('Log-odds of -.5 to .4 are .55 to .67 right at a sigma of 2 px, .47 to .55 at '
+               '3 px, four scenes. Density, 2 and 3 px of the right view: casting .913 -> .933, .875 -> '
                '.902; effector_bin .918 -> .938, .875 -> .915.'))
     largest_lift: float = constant(
         0.9, '1', 'Largest such rise.',
