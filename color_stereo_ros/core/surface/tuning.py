@@ -472,8 +472,8 @@ class UnlikeTuning(Constants):
     lift_per_blur: float = constant(
         0.2, 'px^-2', 'By how much log-odds rise with blur evened out, before they are doubted.',
         chosen('Log-odds of -.5 to .4 are .55 to .67 right at a sigma of 2 px, .47 to .55 at '
-               '3 px, four scenes. Density, 2 and 3 px of the right view: casting .913 -> .933, .875 -> '
-               '.902; effector_bin .918 -> .938, .875 -> .915.'))
+               '3 px, four scenes. Density, 2 and 3 px of the right view: casting .913 -> '
+               '.933, .875 -> .902; effector_bin .918 -> .938, .875 -> .915.'))
     largest_lift: float = constant(
         0.9, '1', 'Largest such rise.',
         chosen('Nodes of log-odds below -.5 are wrong more often than right.'))
