@@ -800,7 +800,7 @@ def row_cells(left, right, matrix, d, robust, scale, rows, columns, shape):
                 across = (left[:2, y, x + 1] - left[:2, y, x - 1]).astype(float) / 4
                 down = (left[:2, y + 1, x] - left[:2, y - 1, x]).astype(float) / 4
                 structure += np.array([across @ across, across @ down, down @ down]) / (
-                    2 * scale * left[2, y, x]
+                    2 * min(scale, 1) * left[2, y, x]
                     + PHASE_VARIANCE * (across @ across + down @ down))
                 found = told_by_node(left, right, matrix, d, y, x, robust, scale)
                 if found:

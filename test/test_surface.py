@@ -767,6 +767,36 @@ def test_gray_images_are_measured_by_their_brightness(dtype, factor):
     assert result.image.shape == (240, 320, 3)
 
 
+@pytest.mark.parametrize('colored', [0, 1])
+def test_a_mono_camera_beside_a_color_camera_is_compared_by_brightness(colored):
+    *images, truth = speckle()
+    images = [np.repeat(image[..., None], 3, axis=2) for image in images]
+    images[colored] = images[colored] * [0.6, 0.9, 0.3]
+    stereo = ColorStereo(rig(320, 240), surface_settings(5, 75))
+    result = stereo.process(*(image.astype(np.uint8) for image in images))
+    inner = np.s_[4:-4, 60:-8]
+    right = np.abs(result.disparity - truth)[inner] < 0.5
+    assert right.mean() > 0.95
+    assert result.image[..., 0].mean() < 0.8 * result.image[..., 1].mean() or colored == 1
+
+
+@pytest.mark.parametrize('share, repeats', [(0.17, False), (0.24, False), (0.4, True)])
+def test_colors_that_show_are_believed_unless_many_places_match(step, monkeypatch, share, repeats):
+    monkeypatch.setattr(CoarseSearch, 'rival_share', lambda search: share)
+    assert (sensor().process(*step[:2]).rival_share > 0) == repeats
+
+
+@pytest.mark.parametrize('share, shows', [(0.17, True), (0.24, False)])
+def test_silent_colors_are_no_pattern_where_places_rival(monkeypatch, share, shows):
+    monkeypatch.setattr(CoarseSearch, 'rival_share', lambda search: share)
+    left, right, _ = speckle()
+    rng = np.random.default_rng(2)  # the noise of each channel: these are color cameras
+    images = [np.clip(image[..., None] + rng.normal(0, 2, (240, 320, 3)), 0, 255).astype(np.uint8)
+              for image in (left, right)]
+    stereo = ColorStereo(rig(320, 240), surface_settings(5, 75))
+    assert (stereo.process(*images).rival_share == 0) == shows
+
+
 def test_gray_pairs_leave_nothing_behind(step):
     stereo = sensor()
     before = stereo.process(*step[:2]).disparity

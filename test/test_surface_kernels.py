@@ -780,16 +780,27 @@ def test_a_pixel_beside_a_doubtful_node_is_doubted_more():
     assert confidence[6, 13] == pytest.approx(1 / (1 + np.exp(-2)), abs=1e-4)
 
 
-@pytest.mark.parametrize('seed', [1, 2])
-def test_cells_tell_the_rows_as_their_normal_equations_do(seed):
+@pytest.mark.parametrize('seed, scale', [(1, 0.7), (2, 0.7), (2, 3.1)])
+def test_cells_tell_the_rows_as_their_normal_equations_do(seed, scale):
     left, right = views(seed)
     d = planes(seed)[0]
     cells = np.full((2, 2, 7), np.nan, F4)
-    row_cells(*left, *right, MATRIX, d, ROBUST, F4(0.7), ROWS, COLUMNS, cells)
-    expected = naive.row_cells(left, right, MATRIX.astype(float), d, float(ROBUST), 0.7, ROWS,
+    row_cells(*left, *right, MATRIX, d, ROBUST, F4(scale), ROWS, COLUMNS, cells)
+    expected = naive.row_cells(left, right, MATRIX.astype(float), d, float(ROBUST), scale, ROWS,
                                COLUMNS, (2, 2))
     assert (expected[..., 0] > 0).sum() >= 3
     np.testing.assert_allclose(cells, expected, rtol=2e-4, atol=2e-3)
+
+
+def test_wrong_matches_do_not_hide_the_structure_of_the_left_view():
+    left, right = views(1)
+    d = planes(1)[0]
+    found = np.zeros((3, 2, 2, 7), F4)
+    for scale, cells in zip((1, 8.7, 20), found):
+        row_cells(*left, *right, MATRIX, d, ROBUST, F4(scale), ROWS, COLUMNS, cells)
+    assert found[0, ..., 6].max() > 0
+    np.testing.assert_array_equal(found[1:, ..., 6], found[[0, 0], ..., 6])
+    assert found[2, ..., 1].max() < 0.5 * found[0, ..., 1].max()  # information knows the matches
 
 
 @pytest.mark.parametrize('seed', [3, 4])

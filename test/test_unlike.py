@@ -200,6 +200,23 @@ def test_blur_is_not_evened_out_where_it_is_switched_off():
     assert share_right(sensor(matching__blur_matching=False).process(*images)) < 0.5
 
 
+@pytest.mark.parametrize('sigma', [2.0, 3.0])
+def test_blur_of_one_view_is_recovered_where_brightness_counts(monkeypatch, sigma):
+    images = pair(right=blurred(sigma, sigma))
+    seen, result = found(sensor(pattern__type='unknown'), images, monkeypatch)
+    np.testing.assert_allclose(sum(each.blur[:, 0] for each in seen), -sigma ** 2, rtol=0.25)
+    plain = sensor(pattern__type='unknown', matching__blur_matching=False).process(*images)
+    assert share_right(result) > max(0.9, share_right(plain))
+
+
+def test_noise_of_the_colors_of_a_gray_pattern_is_not_evened_out(monkeypatch):
+    rng = np.random.default_rng(3)
+    images = [exposed(np.repeat(photographed(shift)[..., :1], 3, axis=2), rng)
+              for shift in (-TRUTH, 0 * TRUTH)]
+    seen, result = found(sensor(pattern__type='unknown'), images, monkeypatch)
+    assert not seen and share_right(result) > 0.9
+
+
 def test_a_field_of_gains_is_recovered(usual, monkeypatch):
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     x = (2 * x / WIDTH - 1)[..., None]

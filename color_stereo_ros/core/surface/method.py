@@ -38,7 +38,7 @@ from ..patterns.expectation import Expectation
 from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
 from .bends import Bends
-from .brightness import BrightnessCarrier, is_gray
+from .brightness import BrightnessCarrier, is_gray, without_color
 from .coarse import CoarseSearch
 from .even import Evening
 from .grid import HalfGrid
@@ -49,7 +49,7 @@ from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .quality import Quality
 from .rows import RowTracker
-from .texture import detail, TextureSearch
+from .texture import colors_of, colors_show, detail, TextureSearch
 from .trust import Trust
 from .tuning import detailed_tuning, tuning_for
 from .views import Views
@@ -102,6 +102,7 @@ class SurfaceMethod:
         self.aligner = None if choice == 'off' else Aligner(
             (grid.width, grid.height), choice == 'correct')
         self.evening = Evening(settings.matching, tuning)
+        self.careful_evening = Evening(settings.matching, self.detailed)
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
             self.warm_refinements()
@@ -154,6 +155,8 @@ class SurfaceMethod:
         measurement : Measurement
 
         """
+        given = left, right
+        left, right = self.alike(left, right)
         if self.aligner is None:
             alignment = None
             pair, seeds = self.match(left, right, np.zeros(COUNT), clock)
@@ -166,7 +169,7 @@ class SurfaceMethod:
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
         self.make_std_true(verdict, planes, alignment)
-        if identical(left, right):  # at disparity 0 there is nothing to measure
+        if identical(*given):  # at disparity 0 there is nothing to measure
             np.minimum(verdict.log_odds, F4(0), out=verdict.log_odds)
         clock.lap('judge', verdict)
         measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
@@ -277,52 +280,49 @@ class SurfaceMethod:
 
         """
         views = self.views.load(left, right, applied)
+        self.rows.before = 0
         clock.lap('colors', views)
-        seeds = self.seeds(views, self.gray(left, right))
+        seeds = self.seeds(views)
         clock.lap('coarse', seeds)
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
         if self.settings.matching.refinements:
             pair = self.fit_seeds(views, planes, pair, clock)
-        if self.evening.on and not self.brightness.active:
+        if self.evening.on and not self.gray:
             pair = self.even_out(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
         return pair, seeds
 
-    def gray(self, left, right):
-        """Return whether neither raw image has any color."""
+    def alike(self, left, right):
+        """
+        Return both raw images without color where one has none; sets `gray`.
+
+        A mono camera beside a color camera has only brightness in common with it.
+
+        """
         tuning = self.tuning.brightness
-        return is_gray(left, tuning) and is_gray(right, tuning)
+        colorless = [is_gray(image, tuning) for image in (left, right)]
+        self.gray = any(colorless)
+        return tuple(without_color(image) if self.gray and not gray else image
+                     for image, gray in zip((left, right), colorless))
 
-    def seeds(self, views, gray):
-        """
-        Return the seeds of a pair, and decide which carriers count in it.
-
-        Parameters
-        ----------
-        views : Views
-        gray : bool
-            Neither image has any color.
-
-        Returns
-        -------
-        seeds : Seeds
-
-        """
+    def seeds(self, views):
+        """Return the Seeds of a pair, and decide which carriers count in it; reads `gray`."""
         brightness = self.brightness
         brightness.rest()
         self.rival_share = 0.0
         self.suit(self.tuning)
-        if gray:
+        if self.gray:
             self.suit(self.detailed)
-            seeds = self.texture.search(views, gray)
+            seeds = self.texture.search(views, True)
             brightness.replace_colors(views)
             brightness.rely_on(seeds, views.grid)
             return seeds
         if self.expectation.aperiodic:
             coarse = self.coarse.search(views)
-            share = self.coarse.rival_share()
-            if share < self.tuning.repetition.noticed_share:
+            share, repetition = self.coarse.rival_share(), self.tuning.repetition
+            if share < repetition.noticed_share or (
+                    share < repetition.certain_share and colors_show(views, self.tuning)):
                 return coarse
             self.rival_share = share
             if self.blur_explains_rivals(views):
@@ -341,7 +341,10 @@ class SurfaceMethod:
         """
         brightness, tuning = self.brightness, self.tuning.brightness
         slow = self.tuning.views.averaging_radius > 0
-        quiet = detail(views, brightness, tuning, not slow) < F4(tuning.least_detail)
+        carriers = [tuple(plane[views.grid.inner] for plane in brightness.planes[0])]
+        if not slow:
+            carriers += colors_of(views)
+        quiet = detail(carriers, tuning) < F4(tuning.least_detail)
         lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
         detailed = lit.any() and np.mean(quiet[lit]) < 1 - tuning.detailed_share
         if detailed:
@@ -424,16 +427,27 @@ class SurfaceMethod:
         clock.lap('even out', pair)
         return pair
 
-    def make_alike(self, views, planes, pair):
-        """Do what `even_out` does, without asking whether a difference is likely."""
-        if not self.evening.explains(views, planes) and self.evening.even_spread(views):
-            pair = self.search_again(views, planes)
+    def make_alike(self, views, planes, pair, search=None):
+        """
+        Do what `even_out` does, without asking whether a difference is likely.
+
+        search: see `search_again`.
+
+        """
+        evening = self.evening
+        if self.brightness.active:
+            if max(pair.scale, self.brightness.scale) < self.tuning.brightness.unlike_scale:
+                evening = self.careful_evening
+            if self.aligner is not None:  # blur hides structure
+                self.rows.look(views, planes, pair, self.brightness)
+        elif not evening.explains(views, planes) and evening.even_spread(views):
+            pair = self.search_again(views, planes, search)
         for _ in range(self.tuning.unlike.searches + 1):
-            changed, size = self.evening.improve(views, planes)
+            changed, size = evening.improve(views, planes)
             if not changed:
                 break
             if size >= 1:
-                pair = self.search_again(views, planes)
+                pair = self.search_again(views, planes, search)
                 continue
             return self.measured_anew(views, planes)
         return pair
@@ -450,7 +464,8 @@ class SurfaceMethod:
         if not self.evening.on or self.rival_share > tuning.repetition.sure_share:
             return False
         kept = views.copied()
-        self.make_alike(views, self.planes, self.search_again(views, self.planes))
+        search = self.coarse.search  # not `seeds`, which asks this
+        self.make_alike(views, self.planes, self.search_again(views, self.planes, search), search)
         if views.evened > 0:
             self.coarse.search(views)
             if self.coarse.rival_share() < tuning.repetition.noticed_share:
@@ -459,19 +474,30 @@ class SurfaceMethod:
         self.coarse.search(views)
         return False
 
-    def search_again(self, views, planes):
-        """Search and fit seeds in views that have changed; return the PairModel."""
+    def search_again(self, views, planes, search=None):
+        """
+        Search and fit seeds in views that have changed; return the PairModel.
+
+        search: function of the Views that returns Seeds; default: `seeds`, since views that are
+        alike may show colors that never come again.
+
+        """
         neutral = PairModel.neutral(views)
-        planes.seed(self.coarse.search(views))
-        linearized = self.least_squares.linearize(views, planes, neutral, planes.tiles)
+        planes.seed((search or self.seeds)(views))
+        linearized = self.linearize(views, planes, neutral, planes.tiles)
         self.least_squares.fit(linearized, views, planes, neutral, planes.tiles, turn=0)
         return self.measured_anew(views, planes)
 
     def measured_anew(self, views, planes):
         """Return the PairModel of views that have changed; the planes stay."""
         neutral = PairModel.neutral(views)
-        self.least_squares.linearize(views, planes, neutral, planes.tiles)
-        return neutral.measured(views, planes, self.match_colors, self.tuning)
+        if self.brightness.active:
+            self.brightness.load(views)
+        self.linearize(views, planes, neutral, planes.tiles, fold=False)
+        pair = neutral.measured(views, planes, self.match_colors, self.tuning)
+        self.brightness.measure(views)
+        return pair
+
     def linearize(self, views, planes, pair, tiles, fold=True):
         """Compare the nodes of some tiles in all carriers; see `LeastSquares.linearize`."""
         solver = self.least_squares

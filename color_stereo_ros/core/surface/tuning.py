@@ -822,6 +822,14 @@ class BrightnessTuning(Constants):
     detailed_share: float = constant(
         0.5, '1', 'Share of nodes with so much detail from which brightness counts.',
         unexplained('Half of the nodes.'))
+    least_explained: float = constant(
+        0.8, '1', 'As `unlike.least_explained`, where brightness counts and the views fit well.',
+        chosen('Colored patterns .91 to .98; gray speckle and faint colors of print .6 to .74: '
+               'evening out their noise took half of the ranges.'))
+    unlike_scale: float = constant(
+        1.0, '1', 'Scale of the variance of colors or brightness above which the views differ.',
+        chosen('.1 to .9; one view blurred by 2 px 4.9 in gray speckle and print, 20 in the default '
+               'pattern.'))
     agreement_odds: float = constant(
         1.5, '1', 'Added to the log-odds of nodes whose plane the search confirms, and taken from '
         'those where it contradicts.',
@@ -1012,14 +1020,23 @@ class RepetitionTuning(Constants):
         PERIOD.provenance('odds'))
     noticed_gap: float = constant(
         2.0, 'large steps', 'As `least_gap`, to notice that colors match at several places.',
-        chosen('Default pattern: at most .04 of the nodes, .11 where one view is blurred by 3 px '
-               'or rows differ by 5 px; unlit or repeating colors: .22 and more.'))
+        chosen('Default pattern: at most .04 of the nodes; one view blurred by 3 px .11, ambient '
+               'light of 300 % .21, rows 5 px off .24. Bare surfaces under repeating patches .42 '
+               'to .69, under 16 sines .8.'))
     noticed_cost: float = constant(
         2.5, 'large steps', 'Cost of the best match from which a node has no match at all.',
         unexplained('What lies outside the limits matches by chance, at several places.'))
     noticed_share: float = constant(
-        0.18, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
-        'images show.', chosen('Between these figures.'))
+        0.18, '1', 'Share of nodes with a rival from which an aperiodic pattern does not show if '
+        'the colors are silent, too.',
+        chosen('Gray speckle and white dots in place of the default pattern: .17 to .84.'))
+    certain_share: float = constant(
+        0.3, '1', 'Share of nodes with a rival from which it is not what the images show.',
+        chosen('Between these figures.'))
+    least_color_detail: float = constant(
+        2.3, '1', 'Median of the detail of colors, see `texture.detail`, from which they show.',
+        chosen('Default pattern 19 to 42, blurred by 3 px 3.0, in ambient light of 300 % 2.7 and '
+               '10; gray speckle .5 to 1.1, white dots 1 to 2.1.'))
     sure_share: float = constant(
         0.4, '1', 'Such a share that unequal blur does not explain.',
         chosen('One view blurred by 3 px: .05 to .24. Repeating colors: mostly .5 to .9.'))
@@ -1165,8 +1182,9 @@ def detailed_tuning(tuning):
         tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
                          trust=TUNING.trust, rows=TUNING.rows, bends=TUNING.bends,
                          quality=TUNING.quality)
-    return replace(tuning, neighbors=replace(tuning.neighbors,
-                                             inertia=tuning.brightness.inertia))
+    brightness = tuning.brightness
+    return replace(tuning, neighbors=replace(tuning.neighbors, inertia=brightness.inertia),
+                   unlike=replace(tuning.unlike, least_explained=brightness.least_explained))
 
 
 def noise_correlation(radius):
