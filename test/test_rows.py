@@ -369,6 +369,20 @@ def test_a_search_confirms_what_poor_matches_show():
     assert not aligner.align(None, measured, lambda: (None, ASTRAY)).known
 
 
+@pytest.mark.parametrize('agreeing', [True, False])
+def test_what_a_search_finds_is_kept_where_the_views_then_agree(agreeing):
+    start = updated(Alignment.unknown(SIZE), *cells((2.4,)))
+    poor = updated(Alignment.unknown(SIZE), *cells((0.1,), scatter=0.3)).but(misfit=8.6)
+
+    def measured(prior):
+        if prior.applied.any():
+            return start.but(applied=prior.applied, agreeing=agreeing, misfit=7.1)
+        return poor.but(applied=prior.applied, agreeing=False)
+
+    found = Aligner(SIZE, True).align(None, measured, lambda: (start, ''))
+    assert found.agreeing == agreeing and found.known == agreeing
+
+
 # ---- the estimate
 
 def cells(values, count=200, scatter=0.05, size=SIZE, seed=1):

@@ -81,7 +81,7 @@ class Aligner:
         """
         if start is not None and self.correct and field_apart(start, found) > TUNING.use.bump:
             other = self.followed(start, measured)
-            if better(other, found):
+            if better(other, found) or other.agreeing and other.misfit < found.misfit:
                 return agreed(other)
             found = self.followed(prior, measured)
         elif start is not None and self.correct and found.observable:
