@@ -328,6 +328,7 @@ class SurfaceMethod:
             if self.blur_explains_rivals(views):
                 self.rival_share = 0.0
                 return coarse
+            views.common_blur = 0.0  # what repeats need not have the sharp edges of the pattern
         brightness.load(views)
         return self.detailed_seeds(views)
 

@@ -35,7 +35,7 @@ def chroma_is_subsampled(image, tuning):
 
     """
     first, step = tuning.rows
-    rows = image[first::step]
+    rows = image[first::max(1, min(step, len(image) // tuning.least_rows))]
     if rows.shape[0] == 0 or rows.shape[1] < tuning.least_columns:
         return False
     red, green, blue = (channel.astype(np.int16) for channel in cv2.split(rows))
@@ -44,7 +44,7 @@ def chroma_is_subsampled(image, tuning):
         third = np.abs(np.diff(chroma, 3))
         even, odd = third[:, 0::2].mean(), third[:, 1::2].mean()
         total += math.log((even + tuning.least_change) / (odd + tuning.least_change))
-    return abs(total) > 2 * tuning.pairing
+    return abs(total) > 2 * tuning.pairing + tuning.chance / math.sqrt(third[:, ::2].size)
 
 
 def quantization(image, tuning):

@@ -48,6 +48,9 @@ class RawTuning(Constants):
     rows: tuple = constant(
         (8, 61), 'px', 'First row and distance of the rows that are looked at.',
         derived('8 rows of an image of 480, even and odd ones.'))
+    least_rows: int = constant(
+        8, 'px', 'At least so many rows of a small image are looked at for compression.',
+        derived('As many as of an image of 480.'))
     least_columns: int = constant(
         64, 'px', 'Width of an image below which nothing is looked for.',
         chosen('Fewer samples show nothing.'))
@@ -59,6 +62,10 @@ class RawTuning(Constants):
         'chroma is subsampled.',
         chosen('Sensor images stay within .02, whatever their mosaic and blur. JPEG 4:2:0 of '
                'quality 30 to 95: .6 to 1.7; YUV 4:2:2: .25.'))
+    chance: float = constant(
+        4.0, '1', 'Added to twice `pairing`: this over the root of the number of samples.',
+        derived('Three deviations of the sum of two log ratios of means of absolute differences, '
+                'half correlated.'))
     luma: tuple = constant(
         (0.299, 0.587, 0.114), '1', 'Weights of r, g and b in the luma of JPEG and of video.',
         derived('ITU-R BT.601.'))
