@@ -77,10 +77,10 @@ def channel_levels(image, step, known_dark, darkest):
 
 def sample_colors(box, index, frac_x, frac_y, dark, gain, soft, saturation, noise):
     """Return u, v, s, peak and variance of the nodes; box is (H, W, 3)."""
-    u, v, s, peak = np.zeros((4, *index.shape))
+    u, v, s, peak, lowest = np.zeros((5, *index.shape))
     for y, x in nodes_of(index.shape):
         if index[y, x] < 0:
-            peak[y, x] = -1
+            peak[y, x] = lowest[y, x] = -1
             continue
         row, column = divmod(index[y, x], box.shape[1])
         raw = bilinear(box, row, column, frac_y[y, x], frac_x[y, x]) / 4
@@ -88,8 +88,8 @@ def sample_colors(box, index, frac_x, frac_y, dark, gain, soft, saturation, nois
         s[y, x] = r + g + b
         u[y, x] = (2 * r - g - b) / (s[y, x] + soft)
         v[y, x] = math.sqrt(3) * (g - b) / (s[y, x] + soft)
-        peak[y, x] = max(raw)
-    return u, v, s, peak, color_variance(s, peak, saturation, *map(float, noise))
+        peak[y, x], lowest[y, x] = max(raw), min(raw)
+    return u, v, s, peak, color_variance(s, lowest, saturation, *map(float, noise))
 
 
 def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, shape):
@@ -106,13 +106,13 @@ def reduce_colors(u, v, s, top, left, step_x, step_y, soft, scale, knee, shape):
     return out
 
 
-def color_variance(s, peak, saturation, floor, shot, relative):
+def color_variance(s, lowest, saturation, floor, shot, relative):
     """Return the variance of each chromaticity."""
     out = np.empty(s.shape)
     for y, x in nodes_of(s.shape):
         total = max(float(s[y, x]), 1e-3)
         out[y, x] = (floor + shot * total + relative * total ** 2) / total ** 2
-        if peak[y, x] < 0 or peak[y, x] >= saturation or out[y, x] > SILENT_VARIANCE:
+        if lowest[y, x] < 0 or lowest[y, x] >= saturation or out[y, x] > SILENT_VARIANCE:
             out[y, x] = SILENT_VARIANCE
     return out
 
@@ -464,10 +464,10 @@ def unbend(weight, pull, planes, variance, tiles, noise, smooth, gate, noise_wei
     return out
 
 
-def sample_quality(d, weight, moment, variance, misfit, reference, step, shape):
-    """Return root pull, mean root misfit, second difference and 1 of the samples (4, h, w)."""
+def sample_quality(d, weight, moment, variance, reference, step, shape):
+    """Return root pull, second difference and 1 of the samples (3, h, w)."""
     kernels = quality_kernels
-    out = np.zeros((4, *shape))
+    out = np.zeros((3, *shape))
     reach = range(-kernels.REACH, kernels.REACH + 1)
     pulls = write_pulls(weight, moment, d, reference)
     for row, column in nodes_of(shape):
@@ -479,8 +479,7 @@ def sample_quality(d, weight, moment, variance, misfit, reference, step, shape):
                 and variance[y, x] < kernels.WORST_VARIANCE):
             continue
         pull = abs(sum(pulls[node] for node in window)) / math.sqrt(total)
-        level = np.mean([math.sqrt(capped(misfit[node])) for node in window])
-        out[:, row, column] = (min(pull, kernels.PULL_CAP), level,
+        out[:, row, column] = (min(pull, kernels.PULL_CAP),
                                min(*bends, kernels.UNEVEN_CAP), 1)
     return out
 
@@ -685,6 +684,17 @@ def find_hidden(planes, trust, rows, columns, width, hidden_distance):
     return hidden
 
 
+def rescale_std(std, apart, assumed, variance):
+    """Return standard deviations of true variances instead of assumed ones."""
+    scaled = std.astype(float)
+    for row, column in nodes_of(std.shape):
+        before, after = float(assumed[row, column]), float(variance[row, column])
+        other = (STD_PER_DISTANCE * apart[row, column] ** 2) ** 2 / VARIANCE_FACTOR
+        if 0 < before < math.inf:
+            scaled[row, column] *= math.sqrt((after + other) / (before + other))
+    return scaled
+
+
 def settle(d, variance, evidence, cost, trust, hidden, peak, s, rows, columns, limits,
            saturation, min_signal, hidden_odds, vague_std):
     """Return standard deviation, log-odds and the reason for no range, (rows, columns) each."""
@@ -790,7 +800,7 @@ def row_cells(left, right, matrix, d, robust, scale, rows, columns, shape):
                 across = (left[:2, y, x + 1] - left[:2, y, x - 1]).astype(float) / 4
                 down = (left[:2, y + 1, x] - left[:2, y - 1, x]).astype(float) / 4
                 structure += np.array([across @ across, across @ down, down @ down]) / (
-                    2 * scale * left[2, y, x]
+                    2 * min(scale, 1) * left[2, y, x]
                     + PHASE_VARIANCE * (across @ across + down @ down))
                 found = told_by_node(left, right, matrix, d, y, x, robust, scale)
                 if found:

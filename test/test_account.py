@@ -176,8 +176,7 @@ def test_process_warns_of_what_is_wrong_with_a_pair(pair, capsys):
     assert cli.main(pair(right, left)) == 0
     assert 'warning: left and right image swapped?' in capsys.readouterr().err
     assert cli.main(pair(gray(left), right)) == 0
-    said = capsys.readouterr().err
-    assert 'warning: the left image is gray' in said and 'warning: the pattern repeats' in said
+    assert 'warning: the left image is gray' in capsys.readouterr().err
 
 
 def test_process_says_when_the_calibrations_are_swapped(pair, capsys):

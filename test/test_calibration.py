@@ -154,6 +154,8 @@ def test_arrays_of_a_camera_cannot_be_changed():
     (dict(d=[0.0] * 4 + [1e-3], distortion_model='equidistant'), r'left D\[4\] = 0.001, but'),
     (dict(d=[float('inf')] * 5), r'left D\[0\] = inf'),
     (dict(distortion_model='fov'), "left distortion_model = 'fov' is unknown, expected one of pl"),
+    (dict(distortion_model='fisheye'), 'fisheye.* is unknown.*ROS calls the same model equidis'),
+    (dict(distortion_model='radtan'), 'radtan.* is unknown.*ROS calls the same model plumb_bob'),
     (dict(distortion_model='x' * 100000),
      r"left distortion_model = 'x+\.\.\. \(100000 characters\) \.\.\.x+' is unknown"),
     (dict(distortion_model=''), "left distortion_model = '' is unknown.*rectified already need P"),

@@ -368,7 +368,7 @@ def test_compressed_images_are_named_as_such(tmp_path):
 def test_compressed_images_under_the_usual_name_are_named_as_such(tmp_path):
     with Recording(recorded(tmp_path / 'bag')) as recording:
         recording.topics['/left/image_raw'] = 'sensor_msgs/msg/CompressedImage'
-        with pytest.raises(RecordingError, match='expected sensor_msgs.*image_transport republish'):
+        with pytest.raises(RecordingError, match='expected sensor_msgs.*transport republish'):
             recording.stereo_topics()
 
 

@@ -10,7 +10,8 @@ from color_stereo_ros.core.rows.alignment import Alignment, COUNT, terms
 from color_stereo_ros.core.rows.estimate import applicable, failed, resumed, updated
 from color_stereo_ros.core.rows.search import ASTRAY, fit, search, UPSIDE_DOWN
 from color_stereo_ros.core.rows.tuning import TUNING
-from color_stereo_ros.core.surface.aligning import Aligner
+from color_stereo_ros.core.surface.aligning import Aligner, doubt
+from color_stereo_ros.core.surface.pair_model import PairModel
 from color_stereo_ros.nodes.sensor.row_search import RowSearch
 import numpy as np
 import pytest
@@ -155,6 +156,18 @@ def test_a_sweep_shows_no_rows_and_they_are_left():
     assert not result.alignment.applied.any()
 
 
+def test_structure_that_was_evened_away_still_asks_for_matches():
+    stereo = sensor(pattern__type='sweep')
+    stereo.process(*pair(kind='sweep'))
+    method = stereo._method
+    rows, views, planes = method.rows, method.views, method.planes
+    known = PairModel.neutral(views), Alignment.unknown(SIZE)
+    assert rows.measure(views, planes, *known).agreeing
+    rows.before = 400  # cells that had structure before the views were made alike
+    found = rows.measure(views, planes, *known)
+    assert not found.agreeing and not found.observable and found.misfit == np.inf
+
+
 def test_print_shows_the_rows_that_a_sweep_does_not():
     rng, images = np.random.default_rng(1), []
     for shift, rows in ((-disparity(SIZE), 0.0),
@@ -285,6 +298,44 @@ def test_the_search_says_upside_down_and_too_far():
     assert found is None and sentence.startswith('rows differ by 100 px, more than the 32 px')
 
 
+def gray(image):
+    """Return an image, uint8 (H, W, 3), with its red channel in all channels."""
+    return np.repeat(image[..., :1], 3, axis=2)
+
+
+@pytest.mark.parametrize('gray_sides', [(True, True), (False, True)])
+def test_the_search_finds_the_rows_of_gray_images(gray_sides):
+    stereo = sensor(LARGE)
+    images = [gray(image) for image in pair((5.0, 0.8), size=LARGE)]
+    tinted = [image if colorless else (image * [1.0, 0.8, 0.5]).astype(np.uint8)
+              for image, colorless in zip(images, gray_sides)]
+    found, sentence = search(stereo.rectify(*tinted), LIMITS)
+    assert sentence == '' and apart(found, (5.0, 0.8), LARGE) < 0.05
+
+
+def test_gray_images_are_told_apart_like_colors():
+    stereo = sensor(LARGE)
+    left, right = (gray(image) for image in pair(size=LARGE))
+    turned = search(stereo.rectify(left, np.ascontiguousarray(right[::-1, ::-1])), LIMITS)
+    assert turned == (None, UPSIDE_DOWN)
+
+
+def test_a_black_view_is_told():
+    stereo = sensor()
+    left, right = pair()
+    result = stereo.process(left, np.zeros_like(right))
+    assert result.alignment.sentence() == ASTRAY and not np.isfinite(result.disparity).any()
+
+
+@pytest.mark.parametrize('scatter, misfit, searched, expected', [
+    (0.25, 12.0, ASTRAY, 6), (np.nan, np.inf, ASTRAY, 6), (0.16, 13.0, ASTRAY, 6),
+    (0.25, 3.1, ASTRAY, 0), (np.nan, np.inf, '', 0), (0.25, 10.0, '', 2)])
+def test_pairs_that_a_search_refuses_lose_most(scatter, misfit, searched, expected):
+    alignment = Alignment.unknown(SIZE).but(scatter=scatter, misfit=misfit, searched=searched)
+    assert doubt(alignment) == expected
+    assert doubt(alignment.but(agreeing=True)) == 0
+
+
 def test_the_search_in_images_without_features_finds_nothing():
     stereo = sensor()
     gray = np.full((*SIZE[::-1], 3), 90, np.uint8)
@@ -316,6 +367,20 @@ def test_a_search_confirms_what_poor_matches_show():
     assert confirmed.agreeing and apart(confirmed, (0.5, 0.2)) < 0.05
     assert not aligner.align(None, measured, lambda: (other_rows, '')).known
     assert not aligner.align(None, measured, lambda: (None, ASTRAY)).known
+
+
+@pytest.mark.parametrize('agreeing', [True, False])
+def test_what_a_search_finds_is_kept_where_the_views_then_agree(agreeing):
+    start = updated(Alignment.unknown(SIZE), *cells((2.4,)))
+    poor = updated(Alignment.unknown(SIZE), *cells((0.1,), scatter=0.3)).but(misfit=8.6)
+
+    def measured(prior):
+        if prior.applied.any():
+            return start.but(applied=prior.applied, agreeing=agreeing, misfit=7.1)
+        return poor.but(applied=prior.applied, agreeing=False)
+
+    found = Aligner(SIZE, True).align(None, measured, lambda: (start, ''))
+    assert found.agreeing == agreeing and found.known == agreeing
 
 
 # ---- the estimate

@@ -12,8 +12,8 @@ from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.surface import bends, planes, quality, views
 from color_stereo_ros.core.surface.coarse import CoarseSearch
 from color_stereo_ros.core.surface.gains import gains_of
-from color_stereo_ros.core.surface.grid import framed_area, whole
-from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.grid import framed_area, HalfGrid, whole
+from color_stereo_ros.core.surface.grid_kernels import F4, PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.tuning import changed, slow, TUNING
 import cv2
 import numba
@@ -280,6 +280,62 @@ def test_surfaces_that_bend_are_found_with_an_honest_deviation(stereo, bend, eff
     figures(f'surface: bends of {bend} px over 12 px, 68 % of |error| / standard deviation',
             np.nanpercentile(ratios, 68), '(1 is honest)', over=seeds, at_least=0.5,
             at_most=1.4)
+
+
+def test_bends_and_deviations_are_honest_where_brightness_counts(effort, figures):
+    """The same under the same pattern, named unknown."""
+    truth = waves(0.35)
+    sensor = ColorStereo(rig(WIDTH, HEIGHT), surface_settings(5, 60, pattern__type='unknown'))
+    seen = seen_by_both(truth, 20)
+    seeds, found, ratios = effort.seeds(2, 50), [], []
+    for seed in seeds:
+        result = sensor.process(*pair_of(truth, seed=seed + 1))
+        error = np.abs(result.disparity - truth)[seen]
+        found.append(error)
+        ratios.append(error / result.disparity_std[seen])
+        sure = np.nan_to_num(result.confidence[seen]) > 0.9
+        assert sure.mean() > 0.9
+        assert np.all(error[sure] < 1)
+    figures('surface: bends under an unknown pattern, median error', np.nanmedian(found), 'px',
+            over=seeds, at_most=0.05)
+    figures('surface: bends under an unknown pattern, 68 % of |error| / standard deviation',
+            np.nanpercentile(ratios, 68), '(1 is honest)', over=seeds, at_least=0.6,
+            at_most=1.4)
+
+
+def test_the_variance_grows_with_pulls_and_second_differences():
+    tuning = TUNING.quality
+    field = planes.PlaneField(HalfGrid(96, 128), 0.09, True, Arena())
+    known = quality.Quality(field.grid, tuning, Arena())
+    known.samples[0], known.samples[1], known.samples[2] = 2, 0.5, 1
+    field.variance.fill(0.01)
+    known.correct_variance(field)
+    factor = tuning.pull_gain * 2 ** 2 * 0.5 ** tuning.uneven_power
+    np.testing.assert_allclose(field.variance[field.grid.inner], 0.01 * factor, rtol=1e-5)
+    np.testing.assert_allclose(known.uneven(), np.log(0.5), rtol=1e-5)
+    known.samples[2] = 0  # nothing is known
+    field.variance.fill(0.01)
+    known.correct_variance(field)
+    np.testing.assert_allclose(field.variance[field.grid.inner], 0.01, rtol=1e-5)
+
+
+def test_rough_surfaces_without_aperiodic_colors_are_doubted():
+    tuning, method = TUNING.trust, ColorStereo(rig(128, 96), surface_settings(5, 60))._method
+    inner = method.trust.log_odds[method.trust.grid.inner]
+    inner[...] = 5
+    inner[0, :3] = tuning.unknown_odds, -3, 1
+    uneven = np.full(inner.shape, np.log(0.02), F4)
+    uneven[1:] = np.log(0.8)
+    method.trust.temper(uneven)
+    smooth, rough = (tuning.tempered_odds + 5 * tuning.tempered_factor
+                     - tuning.rough_odds * np.log(bend) for bend in (0.02, 0.8))
+    assert inner[0, 0] == tuning.unknown_odds
+    np.testing.assert_allclose(inner[0, 3:], smooth, rtol=1e-5)
+    np.testing.assert_allclose(inner[1:], rough, rtol=1e-5)
+    assert smooth > 5 > np.log(9) > rough
+    inner[...] = 2  # a range, though doubtful, stays one
+    method.trust.temper(np.full(inner.shape, 1, F4))
+    np.testing.assert_allclose(inner, tuning.kept_odds, rtol=1e-5)
 
 
 @pytest.mark.parametrize('rows', [0.0, 0.25, 0.5])
@@ -709,6 +765,36 @@ def test_gray_images_are_measured_by_their_brightness(dtype, factor):
     assert known[inner].mean() > 0.97 and np.nanmedian(error) < 0.05
     assert np.mean(error[known[inner]] > 1) < 0.01
     assert result.image.shape == (240, 320, 3)
+
+
+@pytest.mark.parametrize('colored', [0, 1])
+def test_a_mono_camera_beside_a_color_camera_is_compared_by_brightness(colored):
+    *images, truth = speckle()
+    images = [np.repeat(image[..., None], 3, axis=2) for image in images]
+    images[colored] = images[colored] * [0.6, 0.9, 0.3]
+    stereo = ColorStereo(rig(320, 240), surface_settings(5, 75))
+    result = stereo.process(*(image.astype(np.uint8) for image in images))
+    inner = np.s_[4:-4, 60:-8]
+    right = np.abs(result.disparity - truth)[inner] < 0.5
+    assert right.mean() > 0.95
+    assert result.image[..., 0].mean() < 0.8 * result.image[..., 1].mean() or colored == 1
+
+
+@pytest.mark.parametrize('share, repeats', [(0.17, False), (0.24, False), (0.4, True)])
+def test_colors_that_show_are_believed_unless_many_places_match(step, monkeypatch, share, repeats):
+    monkeypatch.setattr(CoarseSearch, 'rival_share', lambda search: share)
+    assert (sensor().process(*step[:2]).rival_share > 0) == repeats
+
+
+@pytest.mark.parametrize('share, shows', [(0.17, True), (0.24, False)])
+def test_silent_colors_are_no_pattern_where_places_rival(monkeypatch, share, shows):
+    monkeypatch.setattr(CoarseSearch, 'rival_share', lambda search: share)
+    left, right, _ = speckle()
+    rng = np.random.default_rng(2)  # the noise of each channel: these are color cameras
+    images = [np.clip(image[..., None] + rng.normal(0, 2, (240, 320, 3)), 0, 255).astype(np.uint8)
+              for image in (left, right)]
+    stereo = ColorStereo(rig(320, 240), surface_settings(5, 75))
+    assert (stereo.process(*images).rival_share == 0) == shows
 
 
 def test_gray_pairs_leave_nothing_behind(step):

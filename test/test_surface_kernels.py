@@ -35,7 +35,7 @@ from color_stereo_ros.core.surface.texture_kernels import (
     add_seeds, linearize_brightness, local_colors)
 from color_stereo_ros.core.surface.trust_kernels import (
     brightness_balance, distrust_islands, find_hidden, HOPELESS_ODDS, ISLAND_ODDS, join_nodes,
-    MISFIT_CAP, root_of, settle, UNKNOWN_ODDS, weigh_evidence)
+    MISFIT_CAP, rescale_std, root_of, settle, UNKNOWN_ODDS, weigh_evidence)
 from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.core.surface.view_kernels import (
     add_color_sums, box_sums, channel_levels, sample_colors)
@@ -506,16 +506,16 @@ def test_bent_planes_are_corrected_by_the_pulls_of_the_window():
 
 def test_the_quality_of_the_fit_is_sampled():
     weight, moment, shape = fit_inputs(55)
-    variance, misfit = variances(56)
+    variance, _ = variances(56)
     row, column = np.mgrid[:SHAPE[0], :SHAPE[1]]
     shape[0] = -4 + 0.1 * row + 0.2 * np.sin(column / 3) * row  # known in the frame, too
     shape[0][20:22, 20:30] = np.nan
-    samples = np.full((4, 3, 10), np.nan, F4)
-    sample_quality(shape[0], weight, moment, variance, misfit, F4(3), 4, samples)
+    samples = np.full((3, 3, 10), np.nan, F4)
+    sample_quality(shape[0], weight, moment, variance, F4(3), 4, samples)
     expected = naive.sample_quality(shape[0].astype(float), weight.astype(float),
-                                    moment.astype(float), variance.astype(float),
-                                    misfit.astype(float), 3.0, 4, samples.shape[1:])
-    assert 0.2 < expected[3].mean() < 0.95
+                                    moment.astype(float), variance.astype(float), 3.0, 4,
+                                    samples.shape[1:])
+    assert 0.2 < expected[2].mean() < 0.95
     np.testing.assert_allclose(samples, expected, rtol=1e-3, atol=1e-3)
 
 
@@ -727,6 +727,18 @@ def test_every_reason_is_given_and_as_documented():
     assert set(np.unique(reason[INNER])) == {code.value for code in Status} - {Status.VALID}
 
 
+def test_deviations_follow_the_variances_of_planes():
+    rng = np.random.default_rng(27)
+    std, apart = rng.uniform(0.01, 1, (2, ROWS, COLUMNS)).astype(F4)
+    assumed, variance = rng.choice([0, np.nan, np.inf, 1e-4, 0.02, 0.3],
+                                   (2, ROWS, COLUMNS)).astype(F4)
+    scaled = std.copy()
+    rescale_std(scaled, apart, assumed, variance)
+    expected = naive.rescale_std(std, apart, assumed, variance)
+    assert not np.array_equal(scaled, std)
+    np.testing.assert_allclose(scaled, expected, rtol=1e-5)
+
+
 def expanded(size, seed):
     """Return what the kernel and its twin make of random planes for an image of this size."""
     rng = np.random.default_rng(seed)
@@ -769,16 +781,27 @@ def test_a_pixel_beside_a_doubtful_node_is_doubted_more():
     assert confidence[6, 13] == pytest.approx(1 / (1 + np.exp(-2)), abs=1e-4)
 
 
-@pytest.mark.parametrize('seed', [1, 2])
-def test_cells_tell_the_rows_as_their_normal_equations_do(seed):
+@pytest.mark.parametrize('seed, scale', [(1, 0.7), (2, 0.7), (2, 3.1)])
+def test_cells_tell_the_rows_as_their_normal_equations_do(seed, scale):
     left, right = views(seed)
     d = planes(seed)[0]
     cells = np.full((2, 2, 7), np.nan, F4)
-    row_cells(*left, *right, MATRIX, d, ROBUST, F4(0.7), ROWS, COLUMNS, cells)
-    expected = naive.row_cells(left, right, MATRIX.astype(float), d, float(ROBUST), 0.7, ROWS,
+    row_cells(*left, *right, MATRIX, d, ROBUST, F4(scale), ROWS, COLUMNS, cells)
+    expected = naive.row_cells(left, right, MATRIX.astype(float), d, float(ROBUST), scale, ROWS,
                                COLUMNS, (2, 2))
     assert (expected[..., 0] > 0).sum() >= 3
     np.testing.assert_allclose(cells, expected, rtol=2e-4, atol=2e-3)
+
+
+def test_wrong_matches_do_not_hide_the_structure_of_the_left_view():
+    left, right = views(1)
+    d = planes(1)[0]
+    found = np.zeros((3, 2, 2, 7), F4)
+    for scale, cells in zip((1, 8.7, 20), found):
+        row_cells(*left, *right, MATRIX, d, ROBUST, F4(scale), ROWS, COLUMNS, cells)
+    assert found[0, ..., 6].max() > 0
+    np.testing.assert_array_equal(found[1:, ..., 6], found[[0, 0], ..., 6])
+    assert found[2, ..., 1].max() < 0.5 * found[0, ..., 1].max()  # information knows the matches
 
 
 @pytest.mark.parametrize('seed', [3, 4])

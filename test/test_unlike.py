@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Views that differ in blur, color, compression and hot pixels: what is measured and mended."""
 
+import math
+
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.pipeline import Stopwatch
+from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
 from color_stereo_ros.core.surface.raw_faults import (
-    chroma_is_subsampled, has_hot_pixels, quantization, without_hot_pixels)
+    chroma_is_subsampled, has_hot_pixels, quantization, sharpness, without_hot_pixels)
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
 import cv2
 import numpy as np
@@ -90,6 +93,77 @@ def test_blur_that_was_evened_out_is_doubted(usual):
     assert views.evened == 0
 
 
+@pytest.mark.parametrize('sigma', [0.0, 1.0, 3.0])
+def test_sharpness_is_that_of_the_sharpest_edges(sigma):
+    step = np.zeros((HEIGHT, WIDTH, 3))
+    for start in range(20, WIDTH, 40):
+        step[:, start:start + 20] = 200
+    step[:, :30] = np.linspace(0, 200, 30)[:, None]  # slow changes do not count
+    image = np.rint(blurred(sigma, sigma)(step) if sigma else step).astype(np.uint8)
+    # the largest change is that from half a pixel before a step to 1.5 px behind it
+    expected = sum(math.erf(x / (sigma * math.sqrt(2))) for x in (0.5, 1.5)) / 2 if sigma else 1
+    assert sharpness(image, TUNING.unlike) == pytest.approx(expected, abs=0.08)
+    assert sharpness(image[:, :8], TUNING.unlike) == sharpness(0 * image, TUNING.unlike) == 1
+
+
+def test_blur_of_both_views_is_doubted(usual):
+    views = usual._method.views
+    usual.process(*pair())
+    assert views.common_blur == 0
+    found = []
+    for sigma in (2.0, 3.0):
+        images = pair(left=blurred(sigma, sigma), right=blurred(sigma, sigma))
+        result = usual.process(*images)
+        assert views.common_blur == pytest.approx(sigma ** 2, rel=0.4)
+        assert share_right(result) > 0.95
+        found.append(np.median(result.confidence))
+    assert found[0] > found[1] > 0.8
+    usual.process(*pair(right=blurred(3.0, 3.0)))
+    assert views.common_blur == 0  # that of one view is evened out
+
+
+def test_blur_makes_doubtful_nodes_less_doubtful():
+    stereo = sensor()
+    trust, unlike = stereo._method.trust, TUNING.unlike
+    stereo.process(*pair())
+    before = np.array([-0.5, 0.4, 3.5], np.float32)
+    for excess in (1.0, 4.0, 9.0):
+        verdict = trust.verdict
+        verdict.log_odds[8, 8:11] = before
+        trust.doubt_blur(excess, verdict)
+        doubtful, even, sure = verdict.log_odds[8, 8:11]
+        assert -0.5 < doubtful <= unlike.even_odds + 1e-6
+        assert even > 0.4 and sure < 3.5
+
+
+def test_blur_that_makes_colors_match_everywhere_is_evened_out_first(usual, monkeypatch):
+    coarse = type(usual._method.coarse)
+    share, asked = coarse.rival_share, []
+
+    def rivals(search):
+        asked.append(share(search))
+        return 0.3 if len(asked) == 1 else asked[-1]
+
+    monkeypatch.setattr(coarse, 'rival_share', rivals)
+    result = usual.process(*pair(left=blurred(3.0, 3.0)))
+    assert len(asked) > 1 and result.rival_share == 0
+    assert not usual._method.brightness.active
+    assert share_right(result) > 0.95
+
+
+def test_rivals_that_blur_does_not_explain_leave_the_views_as_they_are(usual, monkeypatch):
+    monkeypatch.setattr(type(usual._method.coarse), 'rival_share', lambda search: 0.3)
+    images = pair(left=blurred(3.0, 3.0))
+    views = usual._method.views
+    result = usual.process(*images)
+    assert result.rival_share == 0.3
+    found = views.left.u.copy(), views.right.u.copy()
+    monkeypatch.setattr(type(usual._method), 'blur_explains_rivals', lambda method, views: False)
+    usual.process(*images)
+    for each, view in zip(found, (views.left, views.right)):
+        np.testing.assert_array_equal(each, view.u)
+
+
 def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):
     seen, _ = found(usual, pair(right=lambda light: cv2.blur(light, (7, 1))), monkeypatch)
     along, across = sum(each.blur[:, 0] for each in seen)
@@ -97,9 +171,50 @@ def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatc
     assert abs(across) < 0.5
 
 
+@pytest.mark.parametrize('side', ['left', 'right'])
+def test_motion_along_a_diagonal_is_evened_out_along_it(usual, monkeypatch, side):
+    kernel = np.eye(7) / 7  # variance and covariance (7^2 - 1) / 12 px^2
+    images = pair(**{side: lambda light: cv2.filter2D(light, -1, kernel,
+                                                      borderType=cv2.BORDER_REPLICATE)})
+    seen, result = found(usual, images, monkeypatch)
+    assert share_right(result) > 0.95
+    expected = 4.0 * (1 if side == 'left' else -1)
+    assert sum(each.oblique for each in seen) == pytest.approx(expected, rel=0.3)
+    np.testing.assert_allclose(sum(each.blur[:, 0] for each in seen), expected, rtol=0.3)
+
+
+@pytest.mark.parametrize('covariance', [[[3.0, 2.0], [2.0, 1.4]], [[3.0, -2.0], [-2.0, 1.4]],
+                                        [[9.0, 0.0], [0.0, 0.01]], [[0.1, 0.05], [0.05, 0.1]]])
+@pytest.mark.parametrize('step_x', [1, 2])
+def test_an_oblique_kernel_has_the_covariance_asked_for(covariance, step_x):
+    kernel = even.oblique_kernel(np.array(covariance), step_x, TUNING.unlike)
+    reach = len(kernel) // 2
+    y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1] * np.array([2, step_x])[:, None, None]
+    assert kernel.sum() == pytest.approx(1, abs=1e-5)
+    moments = [[(kernel * a * b).sum() for b in (x, y)] for a in (x, y)]
+    np.testing.assert_allclose(moments, covariance, atol=1e-4)
+
+
 def test_blur_is_not_evened_out_where_it_is_switched_off():
     images = pair(right=blurred(3.0, 3.0))
     assert share_right(sensor(matching__blur_matching=False).process(*images)) < 0.5
+
+
+@pytest.mark.parametrize('sigma', [2.0, 3.0])
+def test_blur_of_one_view_is_recovered_where_brightness_counts(monkeypatch, sigma):
+    images = pair(right=blurred(sigma, sigma))
+    seen, result = found(sensor(pattern__type='unknown'), images, monkeypatch)
+    np.testing.assert_allclose(sum(each.blur[:, 0] for each in seen), -sigma ** 2, rtol=0.25)
+    plain = sensor(pattern__type='unknown', matching__blur_matching=False).process(*images)
+    assert share_right(result) > max(0.9, share_right(plain))
+
+
+def test_noise_of_the_colors_of_a_gray_pattern_is_not_evened_out(monkeypatch):
+    rng = np.random.default_rng(3)
+    images = [exposed(np.repeat(photographed(shift)[..., :1], 3, axis=2), rng)
+              for shift in (-TRUTH, 0 * TRUTH)]
+    seen, result = found(sensor(pattern__type='unknown'), images, monkeypatch)
+    assert not seen and share_right(result) > 0.9
 
 
 def test_a_field_of_gains_is_recovered(usual, monkeypatch):
@@ -135,6 +250,24 @@ def test_one_camera_of_other_colors_costs_no_ranges(usual, change):
     assert share_right(usual.process(*pair(right=change))) > 0.97
 
 
+@pytest.mark.parametrize('exposures', [(2.5, 2.5), (1.0, 2.5), (2.5, 1.0)])
+def test_a_saturated_channel_costs_no_ranges(usual, exposures):
+    left, right = (lambda light, times=times: times * light for times in exposures)
+    images = pair(left, right)
+    clipped = [np.mean(image.max(axis=2) == 255) for image in images]
+    assert np.array_equal(np.array(clipped) > 0.5, np.array(exposures) > 1)
+    assert share_right(usual.process(*images)) > 0.97
+
+
+def test_white_that_is_saturated_has_no_ranges(usual):
+    white = np.zeros((HEIGHT, WIDTH, 1))
+    white[80:160, 80:240] = 2
+    images = pair(*(lambda light: white + light,) * 2)
+    result = usual.process(*images)
+    assert np.isnan(result.disparity[95:145, 130:200]).mean() > 0.9
+    assert (result.status[95:145, 130:200] == Status.SATURATED).mean() > 0.9
+
+
 def test_two_scenes_are_not_made_alike(usual, monkeypatch):
     left, _ = pair()
     _, right = pair(right=lambda light: light[::-1, ::-1])
@@ -158,6 +291,17 @@ def test_compression_is_seen_and_costs_few_ranges(usual, quality):
     images = [compressed(image, quality) for image in images]
     assert all(chroma_is_subsampled(image, TUNING.raw) for image in images)
     assert share_right(usual.process(*images)) > 0.95
+
+
+@pytest.mark.parametrize('quality', [85, 60])
+@pytest.mark.parametrize('side', [0, 1])
+def test_compression_of_one_view_costs_no_more_than_that_of_both(usual, side, quality):
+    images = list(pair())
+    images[side] = compressed(images[side], quality)
+    assert share_right(usual.process(*images)) > 0.95
+    views = usual._method.views
+    assert views.compressed
+    assert views.quantization == quantization(images[side], TUNING.raw)
 
 
 @pytest.mark.parametrize('quality', [95, 85])

@@ -13,6 +13,8 @@ TURN = ('turn both cameras, or their images before they are calibrated, by 90 de
         'one is beside the other')
 SIZE_LIMITS = (8, 32766)     # px: windows of the methods, 16-bit maps of OpenCV
 BASELINE_LIMITS = (0.001, 5.0)  # m
+OTHER_NAMES = {'fisheye': 'equidistant', 'kannala_brandt': 'equidistant', 'radtan': 'plumb_bob'}
+"""What OpenCV and Kalibr call the distortion models of ROS."""
 
 
 def matrix(label, values, shape):
@@ -62,8 +64,10 @@ def check_distortion(camera):
     """Refuse an unknown lens model and coefficients that it does not have."""
     model = camera.distortion_model
     if not isinstance(model, str) or model not in LENSES:
+        same = OTHER_NAMES.get(str(model).lower())
+        hint = f'; ROS calls the same model {same}' if same else ''
         raise CalibrationError(f'{camera.name} distortion_model = {brief(model)} is unknown, '
-                               f'expected one of {", ".join(LENSES)}')
+                               f'expected one of {", ".join(LENSES)}{hint}')
     check_finite(f'{camera.name} D', camera.D)
     most = LENSES[model].lengths[-1]
     if camera.D.size > most:

@@ -3,7 +3,8 @@
 The search from nothing: by how much the rows disagree where no disparity lives yet.
 
 SIFT (Lowe 2004) finds the same points in both views, in two chromaticities: those are free of the
-brightness, which differs where the surface shines.
+brightness, which differs where the surface shines. Where they give too few matches, as in gray
+images, the brightness is asked, too.
 
 """
 
@@ -118,15 +119,18 @@ def matches(pair):
     left, right : numpy.ndarray, float64, shape (N, 2)
         Column and row, px.
     features : int
-        Points that the poorer view shows, whether the other one has them or not.
+        Points that the richer view shows, whether the other one has them or not.
 
     """
-    scale = min(1.0, TUNING.search.largest_width / pair.geometry.width)
-    sift = cv2.SIFT_create(nfeatures=TUNING.search.features)
+    tuning = TUNING.search
+    scale = min(1.0, tuning.largest_width / pair.geometry.width)
+    sift = cv2.SIFT_create(nfeatures=tuning.features)
     inside = [np.uint8(255) * _reduced(each.view(np.uint8), scale)
               for each in (pair.left_inside, pair.right_inside)]
-    both = [chromaticities(_reduced(image, scale)) for image in (pair.left, pair.right)]
-    found = [_matched(sift, left, right, inside) for left, right in zip(*both)]
+    images = [_reduced(image, scale) for image in (pair.left, pair.right)]
+    found = [_matched(sift, *both, inside) for both in zip(*map(chromaticities, images))]
+    if sum(len(each[0]) for each in found) < tuning.least_matches:
+        found.append(_matched(sift, *map(normalized_brightness, images), inside))
     # pixel centers: (x + .5) / scale - .5
     left, right = ((np.concatenate([each[side] for each in found]) + 0.5) / scale - 0.5
                    for side in (0, 1))
@@ -141,6 +145,15 @@ def chromaticities(image):
             for color in (r - g, b - np.float32(0.5) * (r + g))]
 
 
+def normalized_brightness(image):
+    """Return the logarithm of the brightness against its surroundings, uint8 (H, W)."""
+    tuning = TUNING.search
+    level = cv2.log(image.astype(np.float32).sum(axis=2) + np.float32(tuning.dark))
+    level -= cv2.blur(level, 2 * (tuning.surroundings,))
+    steps = level * np.float32(tuning.gray) + np.float32(tuning.middle)
+    return np.clip(steps, 0, 255).astype(np.uint8)
+
+
 def _reduced(image, scale):
     if scale == 1:
         return image
@@ -151,14 +164,15 @@ def _matched(sift, left, right, inside):
     """Return what `matches` does, of one chromaticity."""
     points, features = zip(*(sift.detectAndCompute(image, mask)
                              for image, mask in zip((left, right), inside)))
+    count = max(map(len, points))
     if any(each is None or len(each) < 2 for each in features):
-        return *np.zeros((2, 0, 2)), 0
+        return *np.zeros((2, 0, 2)), count
     pairs = cv2.BFMatcher().knnMatch(*features, k=2)
     good = [first for first, second in pairs
             if first.distance < TUNING.search.ratio * second.distance]
     return (np.array([points[0][each.queryIdx].pt for each in good]).reshape(-1, 2),
             np.array([points[1][each.trainIdx].pt for each in good]).reshape(-1, 2),
-            min(map(len, points)))
+            count)
 
 
 def about_others(left, right):

@@ -132,14 +132,17 @@ class UseTuning(Constants):
 
 @dataclass(frozen=True)
 class SearchTuning(Constants):
-    """The search from nothing: SIFT on two chromaticities."""
+    """The search from nothing: SIFT on two chromaticities, and on brightness where they fail."""
 
     largest_width: int = constant(
         800, 'px', 'Width up to which images are searched as they are; wider ones are reduced.',
         derived('The time of the search stays below .5 s.'))
     gray: float = constant(
-        96.0, '1', 'Steps of 8 bit per unit of chromaticity.',
-        unexplained('Hues of a full pattern use most of the 256 steps.'))
+        96.0, '1', 'Steps of 8 bit per unit of chromaticity, or of the logarithm of brightness.',
+        unexplained('Hues of a full pattern, or a contrast of 14, use most of the 256 steps.'))
+    surroundings: int = constant(
+        31, 'px', 'Width of the surroundings that brightness is compared with.',
+        unexplained('Wider than the structures of patterns, narrower than shading.'))
     middle: float = constant(
         128.0, '1', 'Gray value of a surface without color.', derived('The middle of 8 bit.'))
     turned: float = constant(
@@ -170,7 +173,8 @@ class SearchTuning(Constants):
     least_matches: int = constant(
         40, '1', 'Matches that must agree.', unexplained('Chance gives fewer than ten.'))
     least_features: int = constant(
-        200, '1', 'Features from which images without matches are images of different things.',
+        200, '1', 'Features of the richer view from which a pair without matches shows different '
+        'things.',
         unexplained('Five times as many as matches must agree.'))
     least_share: float = constant(
         0.5, '1', 'Share of the matches that must agree.',

@@ -81,7 +81,7 @@ class Aligner:
         """
         if start is not None and self.correct and field_apart(start, found) > TUNING.use.bump:
             other = self.followed(start, measured)
-            if better(other, found):
+            if better(other, found) or other.agreeing and other.misfit < found.misfit:
                 return agreed(other)
             found = self.followed(prior, measured)
         elif start is not None and self.correct and found.observable:
@@ -124,11 +124,21 @@ def better(one, other):
 
 
 def doubt(alignment):
-    """Return the log-odds that all nodes lose because the views of a pair do not agree."""
-    use = TUNING.use
-    if alignment.agreeing or not alignment.scatter > use.chance or math.isinf(alignment.misfit):
+    """
+    Return the log-odds that all nodes lose because the views of a pair do not agree.
+
+    The largest loss where a search has refused the pair and its matches fit badly, or no cell has
+    matches.
+
+    """
+    use, misfit = TUNING.use, alignment.misfit
+    if alignment.agreeing or misfit <= use.doubted:
         return 0.0
-    return min(use.doubt * math.log2(max(alignment.misfit / use.doubted, 1.0)), use.largest_doubt)
+    if alignment.searched:
+        return use.largest_doubt
+    if not alignment.scatter > use.chance or math.isinf(misfit):
+        return 0.0
+    return min(use.doubt * math.log2(misfit / use.doubted), use.largest_doubt)
 
 
 def settled(prior, found):

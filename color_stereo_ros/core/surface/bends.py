@@ -25,7 +25,7 @@ class Bends:
         self.tuning = tuning
         self.pull = arena.zeros(grid.shape, F4)
 
-    def correct(self, linearized, views, planes, pair, solver):
+    def correct(self, linearized, views, planes, pair, solver, linearize):
         """
         Put the planes of bent tiles in the right place.
 
@@ -39,21 +39,23 @@ class Bends:
         planes : PlaneField
         pair : PairModel
         solver : LeastSquares
+        linearize : callable
+            Compares tiles in all carriers, see `SurfaceMethod.linearize`.
 
         """
         if not self.tuning.rounds:
             return
         tiles, noise = self.bent_tiles(planes)
         if len(tiles):
-            self.unbend(linearized, views, planes, pair, solver, tiles, noise)
+            self.unbend(linearized, views, planes, pair, solver, tiles, noise, linearize)
 
-    def unbend(self, linearized, views, planes, pair, solver, tiles, noise):
+    def unbend(self, linearized, views, planes, pair, solver, tiles, noise, linearize):
         """
         Put the planes of some tiles in the right place.
 
         Parameters
         ----------
-        linearized, views, planes, pair, solver
+        linearized, views, planes, pair, solver, linearize
             As for `correct`.
         tiles, noise
             As of `bent_tiles`.
@@ -68,7 +70,7 @@ class Bends:
                 unbend(linearized.weight, self.pull, old.d, old.a, old.b, tiles, noise, smooth,
                        gate, pair.noise_weight, ridge, solver.steepest, F4(tuning.doubt), new.d,
                        new.a, new.b, planes.variance)
-        solver.linearize(views, planes, pair, tiles)
+        linearize(views, planes, pair, tiles)
 
     def bent_tiles(self, planes):
         """Return the tiles that bend, int32 (N, 2), and the factor of their noise, float32."""

@@ -185,3 +185,8 @@ def is_gray(image, tuning):
     lit = brightest > tuning.lit
     colorless = (brightest - weakest)[lit] <= tuning.gray_difference
     return bool(lit.any() and np.mean(colorless) >= tuning.gray_share)
+
+
+def without_color(image):
+    """Return an image, uint8 (H, W, 3), with its luma in all channels."""
+    return cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB)

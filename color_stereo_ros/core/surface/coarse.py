@@ -132,7 +132,8 @@ class CoarseSearch:
         """
         Return the share of clear nodes, and the log-odds of the right period, float32 (h, w).
 
-        The odds rise with that share, and where another search agrees. A bare
+        The odds rise with that share, and where another search agrees. Where it agrees widely, and
+        most nodes are clear, the period is right: two searches hardly slip alike. A bare
         surface without any depth edge around gets those of the coarse search alone.
 
         Parameters
@@ -150,9 +151,13 @@ class CoarseSearch:
         theirs = F4(2) * found.disparity[self.factor // 2::self.factor,
                                          self.factor // 2::self.factor][:h, :w]
         agree = (np.abs(ours - theirs) < F4(2 * self.factor * tuning.agreement)).astype(F4)
+        wide = cv2.blur(agree, self.region)
         agree = cv2.blur(agree, 2 * (tuning.agreement_surroundings,))
         alone, both, apart = (np.interp(clear, tuning.clear_shares, odds) for odds in (
             tuning.odds, tuning.agreed_odds, tuning.contested_odds))
+        certain = np.interp(wide, tuning.wide_agreement, (0, 1))
+        certain *= np.interp(clear, tuning.partly_clear, (0, 1))
+        both += certain * (tuning.agreed_odds[-1] - both)
         known = apart + agree * (both - apart)
         return clear, (alone + self.anchored(theirs) * (known - alone)).astype(F4)
 

@@ -120,11 +120,14 @@ class Evening:
         if fit.explained < tuning.least_explained:
             return None
         blur = np.stack([fit.value('blur', axis, LINEAR) for axis in range(2)])
+        oblique = float(fit.value('blur', 2, 1)[0])
+        if abs(oblique) < tuning.least_oblique * np.abs(blur[:, 0]).max():
+            oblique = 0.0
         gain = np.stack([fit.value('gain', gauge, QUADRATIC) for gauge in range(2)])
         matrix = np.stack([fit.value('matrix', row, 2) for row in range(2)])
         gamma = float(fit.value('gamma', 0, 1)[0])
         blurs, gains = over(fit, blur, LINEAR), over(fit, gain, QUADRATIC)
-        amount = np.abs(blurs).mean(axis=1).max()
+        amount = max(np.abs(blurs).mean(axis=1).max(), abs(oblique))
         blurred = amount > share * tuning.least_blur and fit.certain('blur') > tuning.certain
         strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
         least = tuning.least_gain, tuning.least_gamma, tuning.least_matrix
@@ -148,9 +151,9 @@ class Evening:
                    1.0 if bands else 0)
         shift = float(np.median(2 * (samples.columns - PAD) - samples.place))
         blur, blurs = F4(tuning.blur_step) * blur, F4(tuning.blur_step) * blurs
-        return Unlikeness(blur if blurred else np.zeros_like(blur), gain, gamma, matrix,
-                          limits(blurs), limits(gains), bands, shift, blurred,
-                          recolored or banded, size)
+        return Unlikeness(blur if blurred else np.zeros_like(blur), tuning.blur_step * oblique,
+                          gain, gamma, matrix, limits(blurs), limits(gains), bands, shift,
+                          blurred, recolored or banded, size)
 
     def bands(self, views, planes):
         """Return the gains of rows, from more samples, see `Unlikeness.bands`."""
@@ -225,7 +228,9 @@ def limits(values):
 
 def apply(unlikeness, views, softening, tuning):
     """Make the views alike, in place."""
-    if unlikeness.blurred:
+    if unlikeness.blurred and unlikeness.oblique:
+        even_oblique(unlikeness, views, softening, tuning)
+    elif unlikeness.blurred:
         views.evened += float(np.abs(unlikeness.blur[:, 0]).mean())
         for view, sign in ((views.left, -1), (views.right, 1)):
             variance = sign * polynomials(unlikeness.blur, LINEAR, unlikeness.blur_limits, view,
@@ -243,6 +248,55 @@ def apply(unlikeness, views, softening, tuning):
         recolor(views.left, 0.0, -between(of_left, views.left.raw_rows, tuning.band_rows),
                 np.zeros((2, 2)), tuning)
     recolor(views.right, unlikeness.gamma, log_gain, unlikeness.matrix, tuning)
+
+
+def even_oblique(unlikeness, views, softening, tuning):
+    """Blur both views in place by what each one lacks: motion of a camera, the same everywhere."""
+    (along, *_), (across, *_) = unlikeness.blur
+    values, axes = np.linalg.eigh([[along, unlikeness.oblique], [unlikeness.oblique, across]])
+    views.evened += float(np.abs(values).mean())
+    for view, sign in ((views.left, -1), (views.right, 1)):
+        covariance = (axes * np.maximum(sign * values, 0)) @ axes.T
+        if covariance.trace() > tuning.least_variance:
+            kernel = oblique_kernel(covariance, 2 / view.columns_per_node, tuning)
+            blur_light(view, softening, tuning, lambda light: cv2.filter2D(
+                light, -1, kernel, borderType=cv2.BORDER_REPLICATE))
+
+
+def oblique_kernel(covariance, step_x, tuning):
+    """
+    Return the weights of nodes of a blur that has this covariance exactly.
+
+    A bell that is narrower than a node cannot be sampled. Three by three weights of a small
+    covariance can be found; applied repeatedly they become a bell.
+
+    Parameters
+    ----------
+    covariance : numpy.ndarray, shape (2, 2)
+        Along rows and columns, px^2.
+    step_x : float
+        Columns per node.
+    tuning : UnlikeTuning
+
+    Returns
+    -------
+    kernel : numpy.ndarray, float32, shape (n, n)
+
+    """
+    along, across, mixed = (covariance[0, 0] / step_x ** 2, covariance[1, 1] / 4,
+                            covariance[0, 1] / (2 * step_x))
+    turns = max(1, math.ceil((along + across) / tuning.small_bell))
+    along, across, mixed = along / turns, across / turns, mixed / turns
+    corner = abs(mixed) / 2
+    falling, rising = (corner, 0.0) if mixed > 0 else (0.0, corner)
+    beside, above = (along - abs(mixed)) / 2, (across - abs(mixed)) / 2
+    small = np.array([[falling, above, rising], [beside, 1 - along - across + abs(mixed), beside],
+                      [rising, above, falling]], F4)
+    kernel = np.zeros((2 * turns + 1, 2 * turns + 1), F4)
+    kernel[turns, turns] = 1
+    for _ in range(turns):
+        kernel = cv2.filter2D(kernel, -1, small, borderType=cv2.BORDER_CONSTANT)
+    return kernel
 
 
 def between(gains, raw_rows, size):
@@ -318,13 +372,24 @@ def soften(view, variance, softening, tuning):
     tuning : UnlikeTuning
 
     """
+    step = 2 // view.columns_per_node
+    blur_light(view, softening, tuning, lambda light: blurred(
+        blurred(light, variance[0] / F4(step ** 2), 0, tuning),
+        variance[1] / F4(2 ** 2), 1, tuning))
+
+
+def blur_light(view, softening, tuning, blur):
+    """
+    Change the light of a view in place, and its colors with it.
+
+    blur: a function of (h, w, 4): u and v times light, light, and 1 where the raw image is; for
+    the other arguments see `soften`.
+
+    """
     weight = view.s + softening
     inside = view.inside.astype(F4)
-    light = cv2.merge([view.u * weight * inside, view.v * weight * inside, view.s * inside,
-                       inside])
-    step = 2 // view.columns_per_node
-    light = blurred(light, variance[0] / F4(step ** 2), 0, tuning)
-    light = blurred(light, variance[1] / F4(2 ** 2), 1, tuning)
+    light = blur(cv2.merge([view.u * weight * inside, view.v * weight * inside, view.s * inside,
+                            inside]))
     share = np.maximum(light[..., 3], F4(tuning.least_inside))
     total = light[..., 2] + softening * share
     lit = view.inside & (view.s > 0)

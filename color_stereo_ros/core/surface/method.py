@@ -39,7 +39,7 @@ from ..projector.finding import Reason
 from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
 from .bends import Bends
-from .brightness import BrightnessCarrier, is_gray
+from .brightness import BrightnessCarrier, is_gray, without_color
 from .coarse import CoarseSearch
 from .even import Evening
 from .grid import HalfGrid
@@ -50,7 +50,7 @@ from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .quality import Quality
 from .rows import RowTracker
-from .texture import detail, TextureSearch
+from .texture import colors_of, colors_show, detail, TextureSearch
 from .third.following import Follower
 from .third.view import ThirdView
 from .trust import Trust
@@ -105,6 +105,7 @@ class SurfaceMethod:
         self.aligner = None if choice == 'off' else Aligner(
             (grid.width, grid.height), choice == 'correct')
         self.evening = Evening(settings.matching, tuning)
+        self.careful_evening = Evening(settings.matching, self.detailed)
         self.third = self.follower = None
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
@@ -120,7 +121,7 @@ class SurfaceMethod:
         views, planes, solver = self.views, self.planes, self.least_squares
         color_matrix(views, planes, F4(1), self.tuning)
         self.bends.unbend(solver.linearized, views, planes, PairModel.neutral(views), solver,
-                          planes.tiles[:1], np.ones(1, F4))
+                          planes.tiles[:1], np.ones(1, F4), self.linearize)
 
     def warm_brightness(self):
         """Run the kernels of pairs whose brightness counts: the black pair shows no detail."""
@@ -130,7 +131,16 @@ class SurfaceMethod:
         self.coarse.rival_share()
         self.coarse.period_odds(found)
         brightness.rely_on(found, views.grid)
-        self.linearize(views, planes.seed(found), PairModel.neutral(views), planes.tiles[:1])
+        neutral = PairModel.neutral(views)
+        self.linearize(views, planes.seed(found), neutral, planes.tiles[:1])
+        if self.settings.matching.refinements:  # slow colors without detail ask for none of this
+            self.suit(self.detailed)
+            self.bends.correct(self.least_squares.linearized, views, planes, neutral,
+                               self.least_squares, self.linearize)
+            self.quality.sample(self.least_squares.linearized, planes,
+                                self.least_squares.reference)
+            self.quality.correct_variance(planes)
+            self.suit(self.tuning)
         brightness.rest()
 
     def measure(self, left, right, clock, alignment=None, search=None, given=None):
@@ -155,6 +165,8 @@ class SurfaceMethod:
         measurement : Measurement
 
         """
+        raw = left, right
+        left, right = self.alike(left, right)
         if self.aligner is None:
             alignment = None
             pair, seeds = self.match(left, right, np.zeros(COUNT), clock)
@@ -163,11 +175,11 @@ class SurfaceMethod:
         views, planes = self.views, self.planes
         self.bend(views, planes, pair, clock)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
-                                   self.brightness.light(views.left))
+                                   self.brightness.light(views.left), self.uneven(planes))
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
         self.make_std_true(verdict, planes, alignment)
-        same = identical(left, right)
+        same = identical(*raw)
         if same:  # at disparity 0 there is nothing to measure
             np.minimum(verdict.log_odds, F4(0), out=verdict.log_odds)
         clock.lap('judge', verdict)
@@ -265,7 +277,7 @@ class SurfaceMethod:
         """
         Put planes of bent surfaces in the right place; variances know what colors share.
 
-        Writes d, a, b, variance and misfit of planes. Where brightness counts, they stay.
+        Writes d, a, b, variance and misfit of planes.
 
         Parameters
         ----------
@@ -277,11 +289,27 @@ class SurfaceMethod:
 
         """
         solver = self.least_squares
-        if not self.brightness.active:
-            if self.settings.matching.refinements:
-                self.bends.correct(solver.linearized, views, planes, pair, solver)
-                clock.lap('bend', planes)
-            solver.correct_variance(planes)
+        if self.settings.matching.refinements:
+            self.bends.correct(solver.linearized, views, planes, pair, solver, self.linearize)
+            clock.lap('bend', planes)
+        solver.correct_variance(planes)
+
+    def uneven(self, planes):
+        """
+        Measure how well planes fit; return what makes log-odds of this pair true.
+
+        Returns
+        -------
+        uneven : numpy.ndarray, float32, shape (rows, columns), or None
+            See `Quality.uneven`; None: an aperiodic pattern, for which log-odds are fitted.
+
+        """
+        if not self.settings.matching.refinements:
+            return None
+        self.quality.sample(self.least_squares.linearized, planes, self.least_squares.reference)
+        if self.expectation.aperiodic and not self.brightness.seeded:
+            return None
+        return self.quality.uneven()
 
     def make_std_true(self, verdict, planes, alignment):
         """
@@ -299,13 +327,11 @@ class SurfaceMethod:
         """
         inner = self.views.grid.inner
         assumed = planes.variance[inner].copy()
-        if self.settings.matching.refinements and not self.brightness.active:
-            solver = self.least_squares
-            self.quality.correct_variance(solver.linearized, planes, solver.reference)
+        if self.settings.matching.refinements:
+            self.quality.correct_variance(planes)
         if alignment is not None:
             self.rows.widen(planes, alignment)
-        known = (assumed > 0) & np.isfinite(assumed)
-        verdict.std[inner][known] *= np.sqrt(planes.variance[inner][known] / assumed[known])
+        self.trust.rescale(verdict, assumed, planes.variance[inner])
 
     def match_aligned(self, left, right, alignment, search, clock):
         """
@@ -350,54 +376,55 @@ class SurfaceMethod:
 
         """
         views = self.views.load(left, right, applied)
+        self.rows.before = 0
         clock.lap('colors', views)
-        seeds = self.seeds(views, self.gray(left, right))
+        seeds = self.seeds(views)
         clock.lap('coarse', seeds)
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
         if self.settings.matching.refinements:
             pair = self.fit_seeds(views, planes, pair, clock)
-        if self.evening.on and not self.brightness.active:
+        if self.evening.on and not self.gray:
             pair = self.even_out(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
         return pair, seeds
 
-    def gray(self, left, right):
-        """Return whether neither raw image has any color."""
+    def alike(self, left, right):
+        """
+        Return both raw images without color where one has none; sets `gray`.
+
+        A mono camera beside a color camera has only brightness in common with it.
+
+        """
         tuning = self.tuning.brightness
-        return is_gray(left, tuning) and is_gray(right, tuning)
+        colorless = [is_gray(image, tuning) for image in (left, right)]
+        self.gray = any(colorless)
+        return tuple(without_color(image) if self.gray and not gray else image
+                     for image, gray in zip((left, right), colorless))
 
-    def seeds(self, views, gray):
-        """
-        Return the seeds of a pair, and decide which carriers count in it.
-
-        Parameters
-        ----------
-        views : Views
-        gray : bool
-            Neither image has any color.
-
-        Returns
-        -------
-        seeds : Seeds
-
-        """
+    def seeds(self, views):
+        """Return the Seeds of a pair, and decide which carriers count in it; reads `gray`."""
         brightness = self.brightness
         brightness.rest()
         self.rival_share = 0.0
         self.suit(self.tuning)
-        if gray:
+        if self.gray:
             self.suit(self.detailed)
-            seeds = self.texture.search(views, gray)
+            seeds = self.texture.search(views, True)
             brightness.replace_colors(views)
             brightness.rely_on(seeds, views.grid)
             return seeds
         if self.expectation.aperiodic:
             coarse = self.coarse.search(views)
-            share = self.coarse.rival_share()
-            if share < self.tuning.repetition.noticed_share:
+            share, repetition = self.coarse.rival_share(), self.tuning.repetition
+            if share < repetition.noticed_share or (
+                    share < repetition.certain_share and colors_show(views, self.tuning)):
                 return coarse
             self.rival_share = share
+            if self.blur_explains_rivals(views):
+                self.rival_share = 0.0
+                return coarse
+            views.common_blur = 0.0  # what repeats need not have the sharp edges of the pattern
         brightness.load(views)
         return self.detailed_seeds(views)
 
@@ -411,7 +438,10 @@ class SurfaceMethod:
         """
         brightness, tuning = self.brightness, self.tuning.brightness
         slow = self.tuning.views.averaging_radius > 0
-        quiet = detail(views, brightness, tuning, not slow) < F4(tuning.least_detail)
+        carriers = [tuple(plane[views.grid.inner] for plane in brightness.planes[0])]
+        if not slow:
+            carriers += colors_of(views)
+        quiet = detail(carriers, tuning) < F4(tuning.least_detail)
         lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
         detailed = lit.any() and np.mean(quiet[lit]) < 1 - tuning.detailed_share
         if detailed:
@@ -435,6 +465,7 @@ class SurfaceMethod:
             self.least_squares.suit(tuning.planes)
             self.trust.suit(tuning)
             self.rows.suit(tuning)
+            self.bends.tuning, self.quality.tuning = tuning.bends, tuning.quality
             self.in_force = tuning
 
     def fit_seeds(self, views, planes, pair, clock):
@@ -489,33 +520,80 @@ class SurfaceMethod:
 
         """
         if pair.scale > self.tuning.unlike.quiet_scale:
-            if not self.evening.explains(views, planes) and self.evening.even_spread(views):
-                pair = self.search_again(views, planes)
-            for _ in range(self.tuning.unlike.searches + 1):
-                changed, size = self.evening.improve(views, planes)
-                if not changed:
-                    break
-                if size >= 1:
-                    pair = self.search_again(views, planes)
-                    continue
-                pair = self.measured_anew(views, planes)
-                break
+            pair = self.make_alike(views, planes, pair)
         clock.lap('even out', pair)
         return pair
 
-    def search_again(self, views, planes):
-        """Search and fit seeds in views that have changed; return the PairModel."""
+    def make_alike(self, views, planes, pair, search=None):
+        """
+        Do what `even_out` does, without asking whether a difference is likely.
+
+        search: see `search_again`.
+
+        """
+        evening = self.evening
+        if self.brightness.active:
+            if max(pair.scale, self.brightness.scale) < self.tuning.brightness.unlike_scale:
+                evening = self.careful_evening
+            if self.aligner is not None:  # blur hides structure
+                self.rows.look(views, planes, pair, self.brightness)
+        elif not evening.explains(views, planes) and evening.even_spread(views):
+            pair = self.search_again(views, planes, search)
+        for _ in range(self.tuning.unlike.searches + 1):
+            changed, size = evening.improve(views, planes)
+            if not changed:
+                break
+            if size >= 1:
+                pair = self.search_again(views, planes, search)
+                continue
+            return self.measured_anew(views, planes)
+        return pair
+
+    def blur_explains_rivals(self, views):
+        """
+        Return whether colors match at several places because one view is blurred.
+
+        Then the views have been made alike, and the coarse search has been done in them.
+        Otherwise the views stay as they are.
+
+        """
+        tuning = self.tuning
+        if not self.evening.on or self.rival_share > tuning.repetition.sure_share:
+            return False
+        kept = views.copied()
+        search = self.coarse.search  # not `seeds`, which asks this
+        self.make_alike(views, self.planes, self.search_again(views, self.planes, search), search)
+        if views.evened > 0:
+            self.coarse.search(views)
+            if self.coarse.rival_share() < tuning.repetition.noticed_share:
+                return True
+        views.restore(kept)
+        self.coarse.search(views)
+        return False
+
+    def search_again(self, views, planes, search=None):
+        """
+        Search and fit seeds in views that have changed; return the PairModel.
+
+        search: function of the Views that returns Seeds; default: `seeds`, since views that are
+        alike may show colors that never come again.
+
+        """
         neutral = PairModel.neutral(views)
-        planes.seed(self.coarse.search(views))
-        linearized = self.least_squares.linearize(views, planes, neutral, planes.tiles)
+        planes.seed((search or self.seeds)(views))
+        linearized = self.linearize(views, planes, neutral, planes.tiles)
         self.least_squares.fit(linearized, views, planes, neutral, planes.tiles, turn=0)
         return self.measured_anew(views, planes)
 
     def measured_anew(self, views, planes):
         """Return the PairModel of views that have changed; the planes stay."""
         neutral = PairModel.neutral(views)
-        self.least_squares.linearize(views, planes, neutral, planes.tiles)
-        return neutral.measured(views, planes, self.match_colors, self.tuning)
+        if self.brightness.active:
+            self.brightness.load(views)
+        self.linearize(views, planes, neutral, planes.tiles, fold=False)
+        pair = neutral.measured(views, planes, self.match_colors, self.tuning)
+        self.brightness.measure(views)
+        return pair
 
     def linearize(self, views, planes, pair, tiles, fold=True):
         """Compare the nodes of some tiles in all carriers; see `LeastSquares.linearize`."""

@@ -20,7 +20,7 @@ class Quality:
 
     Attributes
     ----------
-    samples : numpy.ndarray, float32, shape (4, h, w)
+    samples : numpy.ndarray, float32, shape (3, h, w)
         See `quality_kernels.sample_quality`.
 
     """
@@ -29,11 +29,11 @@ class Quality:
         """Allocate the samples."""
         self.grid, self.tuning = grid, tuning
         shape = (max(1, count // tuning.step) for count in grid.nodes)
-        self.samples = arena.zeros((4, *shape), F4)
+        self.samples = arena.zeros((3, *shape), F4)
 
-    def correct_variance(self, linearized, planes, reference):
+    def sample(self, linearized, planes, reference):
         """
-        Make planes.variance that of the errors, not only of the assumed noise.
+        Measure how well planes fit; the other methods read that.
 
         Parameters
         ----------
@@ -43,28 +43,36 @@ class Quality:
             Of `Linearized.moment`, px.
 
         """
-        tuning, inner = self.tuning, self.grid.inner
-        if not tuning.pull_gain:
-            return
-        sample_quality(planes.d, linearized.weight, linearized.moment, planes.variance,
-                       planes.misfit, reference, tuning.step, self.samples)
-        factor, added = self.model()
-        variance = planes.variance[inner]
-        variance *= self.at_all_nodes(factor)
-        variance += self.at_all_nodes(added)
+        sample_quality(planes.d, linearized.weight, linearized.moment, planes.variance, reference,
+                       self.tuning.step, self.samples)
 
-    def model(self):
-        """Return factor and addition (px^2) of the variance at the samples, float32 (h, w)."""
-        tuning = self.tuning
-        around = (tuning.surroundings,) * 2
-        share = cv2.blur(self.samples[3], around)
-        known = np.maximum(share, F4(tuning.least_share))
-        pull, misfit, bend = (cv2.blur(each, around) / known for each in self.samples[:3])
-        factor = np.clip(tuning.pull_gain * pull ** 2, *tuning.factor_limits)
-        factor[share < F4(tuning.least_share)] = 1
-        low, high = tuning.misfits
-        doubt = np.clip((misfit - low) / (high - low), 0, 1)
-        return factor.astype(F4), (tuning.bend_gain * doubt * bend ** 2).astype(F4)
+    def correct_variance(self, planes):
+        """Make planes.variance that of the errors, not only of the assumed noise."""
+        if self.tuning.pull_gain:
+            planes.variance[self.grid.inner] *= self.at_all_nodes(self.factor())
+
+    def uneven(self):
+        """Return ln of the mean second difference (px) around all nodes, float32."""
+        _, bend = self.averages()
+        return self.at_all_nodes(np.log(np.maximum(bend, F4(self.tuning.even))))
+
+    def averages(self):
+        """Return pull and second difference around the samples, float32 (h, w); 0 = unknown."""
+        around = (self.tuning.surroundings,) * 2
+        known = np.maximum(self.share(), F4(self.tuning.least_share))
+        return tuple(cv2.blur(each, around) / known for each in self.samples[:2])
+
+    def share(self):
+        """Return the share of known samples around each sample, float32 (h, w)."""
+        return cv2.blur(self.samples[2], (self.tuning.surroundings,) * 2)
+
+    def factor(self):
+        """Return the factor of the variance at the samples, float32 (h, w)."""
+        tuning, (pull, bend) = self.tuning, self.averages()
+        uneven = np.maximum(bend, F4(tuning.even)) ** F4(tuning.uneven_power)
+        factor = np.clip(F4(tuning.pull_gain) * uneven * pull ** 2, *tuning.factor_limits)
+        factor[self.share() < F4(tuning.least_share)] = 1
+        return factor.astype(F4)
 
     def at_all_nodes(self, samples):
         """Return samples at all nodes, float32 (rows, columns), linearly interpolated."""

@@ -4,7 +4,7 @@
 import math
 
 from ..compiled import band, banded
-from .bend_kernels import MISFIT_CAP, SPAN
+from .bend_kernels import SPAN
 from .grid_kernels import F4, FAST, PAD
 from .tuning import TUNING
 
@@ -16,33 +16,30 @@ WORST_VARIANCE = F4(TUNING.quality.worst_variance)
 
 
 @banded(fastmath=FAST)
-def sample_quality(k, d, weight, moment, variance, misfit, reference, step, samples):
+def sample_quality(k, d, weight, moment, variance, reference, step, samples):
     """
     Measure at every step-th node how well planes fit around it.
 
-    samples, float32 (4, h, w), takes three numbers and 1, or four zeros where the disparity or
+    samples, float32 (3, h, w), takes two numbers and 1, or three zeros where the disparity or
     its surroundings are unknown. First the root of (sum of pulls)^2 over the sum of weights, both
     over the nodes up to REACH away: 1 on average for noise as the weights say that is not shared
     by neighbors. A pull is moment - weight d, what a node asks for beyond its plane. Second the
-    mean root misfit of these nodes. Third the smaller of the second differences of d over SPAN
-    nodes along rows and along columns, px: those of an error, since few surfaces bend both ways.
-    All are capped.
+    smaller of the second differences of d over SPAN nodes along rows and along columns, px: those
+    of an error, since few surfaces bend both ways. Both are capped.
 
     """
     first, last = band(k, samples.shape[1])
-    number = F4((2 * REACH + 1) ** 2)
     for row in range(first, last):
         y = PAD + row * step + step // 2
         for column in range(samples.shape[2]):
             x = PAD + column * step + step // 2
-            total, pulls, level = F4(0), F4(0), F4(0)
+            total, pulls = F4(0), F4(0)
             for j in range(y - REACH, y + REACH + 1):
                 for i in range(x - REACH, x + REACH + 1):
-                    w, chi = weight[j, i], misfit[j, i]
+                    w = weight[j, i]
                     asked = moment[j, i] - w * (d[j, i] - reference)
                     total += w if asked == asked else F4(0)
                     pulls += asked if asked == asked else F4(0)
-                    level += math.sqrt(chi if chi < MISFIT_CAP else MISFIT_CAP)
             center = F4(2) * d[y, x]
             across = abs(d[y, x - SPAN] + d[y, x + SPAN] - center)
             along = abs(d[y - SPAN, x] + d[y + SPAN, x] - center)
@@ -51,6 +48,5 @@ def sample_quality(k, d, weight, moment, variance, misfit, reference, step, samp
                      & (variance[y, x] < WORST_VARIANCE))
             root = abs(pulls) / math.sqrt(total if known else F4(1))
             samples[0, row, column] = min(root, PULL_CAP) if known else F4(0)
-            samples[1, row, column] = level / number if known else F4(0)
-            samples[2, row, column] = min(bend, UNEVEN_CAP) if known else F4(0)
-            samples[3, row, column] = F4(1) if known else F4(0)
+            samples[1, row, column] = min(bend, UNEVEN_CAP) if known else F4(0)
+            samples[2, row, column] = F4(1) if known else F4(0)

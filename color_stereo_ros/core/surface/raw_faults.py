@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What compression and hot pixels leave in a raw image: how it is noticed and made up for."""
 
+import math
+
 import cv2
 import numpy as np
 
@@ -23,7 +25,7 @@ def chroma_is_subsampled(image, tuning):
 
     The decoder interpolates the missing columns. The second differences of chroma along a row
     then come in pairs, on even or on odd columns. They do not in an image of a sensor, with or
-    without demosaicing.
+    without demosaicing. Differences of two channels have no luma in them.
 
     Parameters
     ----------
@@ -33,18 +35,16 @@ def chroma_is_subsampled(image, tuning):
 
     """
     first, step = tuning.rows
-    rows = image[first::step].astype(F4)
+    rows = image[first::max(1, min(step, len(image) // tuning.least_rows))]
     if rows.shape[0] == 0 or rows.shape[1] < tuning.least_columns:
         return False
-    luma = rows @ LUMA
-    logs = []
-    for channel in (0, 2):
-        chroma = rows[..., channel] - luma
-        second = chroma[:, 2:] - 2 * chroma[:, 1:-1] + chroma[:, :-2]
-        third = np.abs(np.diff(second))
+    red, green, blue = (channel.astype(np.int16) for channel in cv2.split(rows))
+    total = 0.0
+    for chroma in (red - green, blue - green):
+        third = np.abs(np.diff(chroma, 3))
         even, odd = third[:, 0::2].mean(), third[:, 1::2].mean()
-        logs.append(np.log((even + tuning.least_change) / (odd + tuning.least_change)))
-    return abs(sum(logs)) > 2 * tuning.pairing
+        total += math.log((even + tuning.least_change) / (odd + tuning.least_change))
+    return abs(total) > 2 * tuning.pairing + tuning.chance / math.sqrt(third[:, ::2].size)
 
 
 def quantization(image, tuning):
@@ -83,6 +83,34 @@ def step_of(values, tuning):
         if score > best:
             found, best = step, score
     return found
+
+
+def sharpness(image, tuning):
+    """
+    Return how sharp the sharpest edges of an image are: change over two pixels over their height.
+
+    Only the green channel is looked at. 1 where there are too few edges to tell.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+    tuning : UnlikeTuning
+
+    """
+    rows = np.ascontiguousarray(image[tuning.edge_rows // 2::tuning.edge_rows, :, 1])
+    if rows.shape[0] == 0 or rows.shape[1] <= tuning.edge_reach:
+        return 1.0
+    around = np.ones((1, tuning.edge_reach), np.uint8)
+    height = cv2.subtract(cv2.dilate(rows, around), cv2.erode(rows, around))[:, 1:-1]
+    change = cv2.absdiff(rows[:, 2:], rows[:, :-2])
+    edges = height > tuning.least_edge
+    count = np.count_nonzero(edges)
+    if count < tuning.least_edges:
+        return 1.0
+    share = change[edges].astype(F4) / height[edges]
+    at = count - 1 - count // tuning.edge_rank
+    return float(np.partition(share, at)[at])
 
 
 def has_hot_pixels(image, tuning):

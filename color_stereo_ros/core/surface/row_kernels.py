@@ -33,7 +33,8 @@ def row_cells(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     every CELL_STEP-th column, from 2 n modulo CELL_STEP on. cells, float32 (h, ceil(w /
     CELL_STEP), 7): number of compared nodes; information, px^-2; pull, px^-1; sums of their
     misfits, columns in the right image and disparities, px; and structure, the information that
-    the left view would have at all its nodes, px^-2.
+    the left view would have at all its nodes, px^-2. Structure knows no match: there the scale
+    counts up to 1 only, since wrong matches raise it.
 
     """
     width = right_u.shape[1]
@@ -66,7 +67,7 @@ def row_cells(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
                     yu = quarter * (left_u[y + 1, x] - left_u[y - 1, x])
                     yv = quarter * (left_v[y + 1, x] - left_v[y - 1, x])
                     steep = xu * xu + xv * xv + yu * yu + yv * yv
-                    w = one / (two * scale * quiet + PHASE_VARIANCE * steep)
+                    w = one / (two * min(scale, one) * quiet + PHASE_VARIANCE * steep)
                     xx += w * (xu * xu + xv * xv)
                     xy += w * (xu * yu + xv * yv)
                     yy += w * (yu * yu + yv * yv)

@@ -27,7 +27,7 @@ class RowTracker:
 
     def __init__(self, grid, tuning, arena):
         """Allocate the cells."""
-        self.grid = grid
+        self.grid, self.before = grid, 0
         self.suit(tuning)
         lines, columns = (-(-count // CELL) for count in grid.nodes)
         self.shape = lines, columns
@@ -64,14 +64,16 @@ class RowTracker:
         cells = self.ask(views, planes, pair, brightness)
         least = self.tuning.least_information
         count, information = cells[..., COUNT], cells[..., INFORMATION]
-        structure = cells[..., STRUCTURE]
-        structured, lit = (np.count_nonzero(structure > each) for each in (least, 0))
-        used = (count >= self.tuning.least_nodes) & (information > least) & (structure > least)
-        if structured < max(ROWS.estimate.least_cells, ROWS.use.least_structured * lit):
+        structured = self.structured(cells)
+        used = ((count >= self.tuning.least_nodes) & (information > least)
+                & (cells[..., STRUCTURE] > least))
+        told = cells[used].astype(np.float64)
+        few = max(ROWS.estimate.least_cells, ROWS.use.least_share * max(structured, self.before))
+        matched = len(told) >= few
+        if not structured and (matched or not self.before):
             return prior.but(observable=False, agreeing=True, misfit=np.nan, scatter=np.nan,
                              evidence=RowEvidence.none())
-        told = cells[used].astype(np.float64)
-        if len(told) < max(ROWS.estimate.least_cells, ROWS.use.least_share * structured):
+        if not matched:
             return prior.but(observable=False, agreeing=False, misfit=np.inf, scatter=np.nan,
                              evidence=RowEvidence.none())
         number = told[:, COUNT]
@@ -81,6 +83,17 @@ class RowTracker:
         found = updated(prior, x, y, dy, told[:, INFORMATION], told[:, DISPARITY] / number)
         steady = found.observable and found.scatter < ROWS.use.steady
         return found.but(agreeing=misfit < ROWS.use.poor or steady, misfit=misfit)
+
+    def structured(self, cells):
+        """Return how many cells have vertical structure; 0 if too few to show rows."""
+        count, lit = (np.count_nonzero(cells[..., STRUCTURE] > each)
+                      for each in (self.tuning.least_information, 0))
+        few = max(ROWS.estimate.least_cells, ROWS.use.least_structured * lit)
+        return 0 if count < few else count
+
+    def look(self, views, planes, pair, brightness):
+        """Keep how much structure the views have before they are made alike; see `measure`."""
+        self.before = self.structured(self.ask(views, planes, pair, brightness))
 
     def ask(self, views, planes, pair, brightness):
         """Return the sums of all cells, over colors and brightness; see `measure`."""

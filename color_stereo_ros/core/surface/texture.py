@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from .coarse import Seeds
-from .grid_kernels import F4, PAD
+from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .texture_kernels import local_colors
 
 
@@ -90,18 +90,15 @@ class TextureSearch:
         return cv2.copyMakeBorder(image, 0, 0, at, after, cv2.BORDER_REPLICATE)
 
 
-def detail(views, brightness, tuning, colors):
+def detail(carriers, tuning):
     """
-    Return how much more than noise brightness and colors change around each node.
+    Return how much more than noise some carriers change around each node.
 
     Parameters
     ----------
-    views : Views
-    brightness : BrightnessCarrier
-        Loaded.
+    carriers : list of (numpy.ndarray, numpy.ndarray)
+        Values and variances at the nodes, float32 (rows, columns).
     tuning : BrightnessTuning
-    colors : bool
-        Ask the chromaticities, too.
 
     Returns
     -------
@@ -110,15 +107,24 @@ def detail(views, brightness, tuning, colors):
         the carrier that changes most; 1 where the noise of the camera model is all there is.
 
     """
-    inner, left = views.grid.inner, views.left
-    planes = [tuple(plane[inner] for plane in brightness.planes[0])]
-    if colors:
-        planes += [(each[inner], left.variance[inner]) for each in (left.u, left.v)]
     size = 2 * tuning.detail_radius + 1
-    most = np.zeros(planes[0][0].shape, F4)
-    for plane, spread in planes:
+    most = np.zeros(carriers[0][0].shape, F4)
+    for plane, spread in carriers:
         change = plane[:, 1:] - plane[:, :-1]
         found = np.zeros(most.shape, F4)
         np.divide(change * change, spread[:, 1:] + spread[:, :-1], out=found[:, 1:])
         np.maximum(most, cv2.blur(found, (size, size)), out=most)
     return most
+
+
+def colors_of(views):
+    """Return the chromaticities of the left view at the nodes as carriers, see `detail`."""
+    inner, left = views.grid.inner, views.left
+    return [(each[inner], left.variance[inner]) for each in (left.u, left.v)]
+
+
+def colors_show(views, tuning):
+    """Return whether the colors of most lit nodes of the left view change by more than noise."""
+    lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
+    found = detail(colors_of(views), tuning.brightness)[lit]
+    return bool(found.size and np.median(found) > tuning.repetition.least_color_detail)

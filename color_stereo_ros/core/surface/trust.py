@@ -11,7 +11,7 @@ from ..compiled import BANDS
 from ..status import Status
 from .grid_kernels import F4
 from .trust_kernels import (
-    APART, brightness_balance, distrust_islands, find_hidden, settle, weigh_evidence)
+    APART, brightness_balance, distrust_islands, find_hidden, rescale_std, settle, weigh_evidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class Trust:
         self.form[0, 0] += F4(self.tuning.odds_offset)
         self.robust_misfit = F4(tuning.planes.robust_misfit)
 
-    def judge(self, views, planes, seeds, confirmed=None, light=None):
+    def judge(self, views, planes, seeds, confirmed=None, light=None, uneven=None):
         """
         Find out how far each node can be trusted, and why some cannot.
 
@@ -94,6 +94,8 @@ class Trust:
             Added to the log-odds of the nodes.
         light : numpy.ndarray, float32, framed, optional
             Brightness that tells whether a node is lit, DN; default: its own.
+        uneven : numpy.ndarray, float32, shape (rows, columns), optional
+            See `temper`.
 
         Returns
         -------
@@ -106,6 +108,8 @@ class Trust:
             self.distrust_unsteady()
         if self.tuning.discord_odds:
             self.distrust_discord(planes, self.discord_distance(views))
+        if uneven is not None:
+            self.temper(uneven)
         self.distrust_islands(views, planes)
         self.find_hidden(planes)
         verdict = self.settle(views, planes, views.left.s if light is None else light)
@@ -117,7 +121,7 @@ class Trust:
             self.doubt_repetitions(odds, verdict)
         if views.compressed:
             self.doubt_dark_places(views, verdict)
-        excess = views.evened - self.unlike.discord_blurs[0]
+        excess = views.blur - self.unlike.discord_blurs[0]
         if excess > 0:
             self.doubt_blur(excess, verdict)
         return verdict
@@ -143,6 +147,21 @@ class Trust:
         lowered = np.maximum(odds - F4(tuning.unsteady_odds) * excess, F4(tuning.unsteady_floor))
         np.fmin(odds, lowered, out=odds)  # the distance is NaN where there is no plane
 
+    def temper(self, uneven):
+        """
+        Make log-odds of surfaces true that no aperiodic colors tell apart.
+
+        Wrong planes of slow colors and of texture fit as well as right ones. They are rough.
+        A node keeps log-odds of `trust.kept_odds`, so that hardly any range is lost.
+        uneven, float32 (rows, columns): see `Quality.uneven`.
+
+        """
+        tuning, odds = self.tuning, self.log_odds[self.grid.inner]
+        true = (F4(tuning.tempered_odds) + F4(tuning.tempered_factor) * odds
+                - F4(tuning.rough_odds) * uneven)
+        true = np.maximum(true, np.minimum(odds, F4(tuning.kept_odds)))
+        np.copyto(odds, true, where=odds > F4(tuning.island_odds))
+
     def usual_balance(self, views, planes):
         """Return the brightness left against right around each node, float32 (rows, columns)."""
         tuning = self.tuning
@@ -160,9 +179,9 @@ class Trust:
     def discord_distance(self, views):
         """Return the root of the distance from which nodes contradict their neighbors, px^.5."""
         distance, unlike, raw = self.tuning.discord_distance, self.unlike, self.raw
-        if views.evened > unlike.discord_blurs[0]:
+        if views.blur > unlike.discord_blurs[0]:
             distance = max(distance, np.interp(
-                views.evened, unlike.discord_blurs, unlike.discord_distances))
+                views.blur, unlike.discord_blurs, unlike.discord_distances))
         if views.compressed:
             distance = max(distance, np.interp(
                 views.quantization, raw.quantizations, raw.discord_distances))
@@ -224,6 +243,19 @@ class Trust:
                F4(self.tuning.vague_std), verdict.std, verdict.log_odds, verdict.reason)
         return verdict
 
+    def rescale(self, verdict, assumed, variance):
+        """
+        Change verdict.std from assumed variances of planes to true ones.
+
+        Parameters
+        ----------
+        verdict : Verdict
+        assumed, variance : numpy.ndarray, float32, shape (rows, columns)
+            Variances as `judge` has taken them, and as they are, px^2.
+
+        """
+        rescale_std(verdict.std[self.grid.inner], self.evidence[APART], assumed, variance)
+
     def doubt_dark_places(self, views, verdict):
         """Change the log-odds of compressed images by their light, and the deviation."""
         raw, odds = self.raw, verdict.log_odds
@@ -237,11 +269,18 @@ class Trust:
         np.copyto(odds, changed + F4(raw.added_odds) * share, where=possible)
 
     def doubt_blur(self, excess, verdict):
-        """Doubt matches by how much more blur was evened out than clean pairs show, px^2."""
+        """
+        Doubt matches by how much more blur both views share than clean pairs show, px^2.
+
+        High log-odds fall, those of doubtful nodes rise: blur makes evidence weak, for and against
+        a match.
+
+        """
         unlike, odds = self.unlike, verdict.log_odds
         factor = F4(max(1 - unlike.doubt_per_blur * excess, unlike.least_factor))
         even = F4(unlike.even_odds)
-        np.copyto(odds, even + factor * (odds - even),
+        lift = F4(min(unlike.lift_per_blur * excess, unlike.largest_lift))
+        np.copyto(odds, even + factor * (odds + lift - even),
                   where=odds > F4(self.tuning.island_odds))
         verdict.std[:] *= F4(1 + unlike.std_per_blur * excess)
 

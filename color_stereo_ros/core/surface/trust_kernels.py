@@ -390,3 +390,22 @@ def settle(k, d, variance, evidence, cost, log_odds, hidden, peak, s, rows, colu
                 reason[y, left + x] = np.uint8(codes[x])
         odds[y, PAD - 1] = odds[y, PAD]
         odds[y, PAD + columns] = odds[y, PAD + columns - 1]
+
+
+@banded(fastmath=FAST)
+def rescale_std(k, std, apart, assumed, variance):
+    """
+    Change standard deviations, px, of `settle` from assumed variances of planes to true ones.
+
+    All float32 (rows, columns): apart is the evidence APART; assumed and variance are px^2. Where
+    assumed is not a positive number the standard deviation stays.
+
+    """
+    first, last = band(k, std.shape[0])
+    for y in range(first, last):
+        for x in range(std.shape[1]):
+            distance = STD_PER_DISTANCE * apart[y, x] * apart[y, x]
+            other = distance * distance / VARIANCE_FACTOR
+            before = assumed[y, x]
+            if (before > F4(0)) & (before < F4(np.inf)):
+                std[y, x] *= math.sqrt((variance[y, x] + other) / (before + other))

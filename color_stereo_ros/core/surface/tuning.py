@@ -48,6 +48,9 @@ class RawTuning(Constants):
     rows: tuple = constant(
         (8, 61), 'px', 'First row and distance of the rows that are looked at.',
         derived('8 rows of an image of 480, even and odd ones.'))
+    least_rows: int = constant(
+        8, 'px', 'At least so many rows of a small image are looked at for compression.',
+        derived('As many as of an image of 480.'))
     least_columns: int = constant(
         64, 'px', 'Width of an image below which nothing is looked for.',
         chosen('Fewer samples show nothing.'))
@@ -59,6 +62,10 @@ class RawTuning(Constants):
         'chroma is subsampled.',
         chosen('Sensor images stay within .02, whatever their mosaic and blur. JPEG 4:2:0 of '
                'quality 30 to 95: .6 to 1.7; YUV 4:2:2: .25.'))
+    chance: float = constant(
+        4.0, '1', 'Added to twice `pairing`: this over the root of the number of samples.',
+        derived('Three deviations of the sum of two log ratios of means of absolute differences, '
+                'half correlated.'))
     luma: tuple = constant(
         (0.299, 0.587, 0.114), '1', 'Weights of r, g and b in the luma of JPEG and of video.',
         derived('ITU-R BT.601.'))
@@ -469,10 +476,19 @@ class UnlikeTuning(Constants):
         chosen('True planes of blurred colors contradict each other by more. Share of right '
                'pixels with .3 and .5, a sigma of 3 px of the right view: casting .823 and .846, '
                'effector_bin .754 and .781; wrong 3.9 and 4.6, 13.7 and 14.4 %.'))
+    lift_per_blur: float = constant(
+        0.2, 'px^-2', 'By how much log-odds rise with blur evened out, before they are doubted.',
+        chosen('Log-odds of -.5 to .4 are .55 to .67 right at a sigma of 2 px, .47 to .55 at '
+               '3 px, four scenes. Density, 2 and 3 px of the right view: casting .913 -> '
+               '.933, .875 -> .902; effector_bin .918 -> .938, .875 -> .915.'))
+    largest_lift: float = constant(
+        0.9, '1', 'Largest such rise.',
+        chosen('Nodes of log-odds below -.5 are wrong more often than right.'))
     doubt_per_blur: float = constant(
-        0.068, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
-        chosen('A sigma of 3 px of the right view, effector_bin: log-odds of 3 to 4 are .80 '
-               'right, those of 4 to 6 .93.'))
+        0.12, 'px^-2', 'By how much the factor of the log-odds falls with blur evened out.',
+        chosen('Log-odds of 3 to 4 are .93 right at a sigma of 2 px of the right view, .88 at 3 '
+               'px, four scenes. Was .068: wrong ranges of confidence above .9 at 2 px, casting '
+               '.26 -> .19 %, airplane .09 -> .04 %.'))
     std_per_blur: float = constant(
         0.031, 'px^-2', 'By how much the factor of the standard deviation rises with it.',
         chosen('z68 without it, a sigma of 3 px of the right view: casting .95, effector_bin '
@@ -483,6 +499,37 @@ class UnlikeTuning(Constants):
     even_odds: float = constant(
         0.4, '1', 'Log-odds that this factor leaves as they are.',
         derived('As `raw.even_odds`.'))
+    least_oblique: float = constant(
+        0.35, '1', 'Covariance of unequal blur between rows and columns over its variance from '
+        'which the blur is oblique.',
+        chosen('Lenses out of focus stay below .1; motion along a diagonal has 1.'))
+    small_bell: float = constant(
+        0.4, 'nodes^2', 'Sum of the variances of the three by three weights of oblique blur.',
+        derived('The weight of the node itself stays positive.'))
+    common: bool = constant(
+        True, '1', 'Doubt pairs that are blurred in both views alike.',
+        derived('Aperiodic colors have edges that are as sharp as the views.'))
+    edge_rows: int = constant(
+        16, 'px', 'Distance of the rows whose sharpest edges are looked at.',
+        chosen('30 rows of an image of 480, .0005 s.'))
+    edge_reach: int = constant(
+        13, 'px', 'Columns over which the height of an edge is measured.',
+        chosen('Edges under a sigma of 3 px are as wide.'))
+    least_edge: int = constant(
+        40, 'DN', 'Height of an edge above which it counts.', derived('As `raw.spike`.'))
+    least_edges: int = constant(
+        500, 'px', 'Places on edges below which sharpness is unknown.',
+        chosen('The sharpest of them are few.'))
+    edge_rank: int = constant(
+        200, '1', 'One of so many places on edges is sharper than what counts as the sharpness.',
+        chosen('Single pixels do not decide.'))
+    sharpnesses: tuple = constant(
+        (0.42, 0.7), '1', 'Change over two pixels at the sharpest edges, over their height, at '
+        'which `common_blurs` hold.',
+        chosen('Five scenes: sharp .85 to .99, projector out of focus .71 to .92, sigma of 1.5 px '
+               '.60 to .73, 3 px .40 to .48.'))
+    common_blurs: tuple = constant(
+        (9.0, 1.0), 'px^2', 'Blur of both views.', derived('A sigma of 3 px; `discord_blurs`.'))
     blur_prior: float = constant(
         9.0, 'px^2', 'Standard deviation of the prior of unequal blur.',
         derived('A sigma of 3 px is plausible.'))
@@ -701,19 +748,21 @@ class QualityTuning(Constants):
         4.0, 'px^2', 'Variance from which a plane says nothing.',
         chosen('A standard deviation of 2 px.'), compiled=True)
     pull_gain: float = constant(
-        2.5, '1', 'Factor of the variance per squared mean root pull; 0: variances stay.',
-        chosen('Eleven simulated scenes, clean and disturbed in ten ways: |error| / std of .74 to '
-               '1.5 at 68 %, before .24 to 12.'))
+        5.0, '1', 'Factor of the variance per squared mean root pull where the second difference '
+        'is 1 px; 0: variances stay.',
+        chosen('Maximum likelihood (robust: a Student distribution) of the errors of 130 pairs: '
+               'four scenes, 35 disturbances and patterns. |error| / std at 68 %, 18 of 20 pairs: '
+               '.82 to 1.39; before .64 to 1.34; smallest one .74 instead of .45.'))
     factor_limits: tuple = constant(
         (0.02, 200.0), '1', 'Smallest and largest factor of the variance.',
         chosen('Crosstalk in one camera asks for .06; the largest is far from any pair.'))
-    bend_gain: float = constant(
-        0.22, '1', 'Variance added per squared second difference where planes fit badly.',
-        chosen('Found with `pull_gain`. Second differences of independent errors have 6 times '
-               'their variance; the smaller of two, capped, has less.'))
-    misfits: tuple = constant(
-        (1.55, 1.9), '1', 'Mean root misfits between which planes begin to fit badly.',
-        chosen('Found with `pull_gain`. Clean: .9; rows off by .25 px 1.4, by .5 px 1.8.'))
+    uneven_power: float = constant(
+        0.33, '1', 'Power of the mean second difference, px, in that factor.',
+        chosen('Found with `pull_gain`. Scatter of the logarithm of |error| / std at 68 % over '
+               'these pairs: .20, without it .29; over five parts of a pair .27, .40.'))
+    even: float = constant(
+        0.02, 'px', 'Smallest mean second difference that counts.',
+        chosen('Noise of large planes; .01 and .05 scatter as much.'))
 
 
 @dataclass(frozen=True)
@@ -780,6 +829,14 @@ class BrightnessTuning(Constants):
     detailed_share: float = constant(
         0.5, '1', 'Share of nodes with so much detail from which brightness counts.',
         unexplained('Half of the nodes.'))
+    least_explained: float = constant(
+        0.8, '1', 'As `unlike.least_explained`, where brightness counts and the views fit well.',
+        chosen('Colored patterns .91 to .98; gray speckle and faint colors of print .6 to .74: '
+               'evening out their noise took half of the ranges.'))
+    unlike_scale: float = constant(
+        1.0, '1', 'Scale of the variance of colors or brightness above which the views differ.',
+        chosen('.1 to .9; one view blurred by 2 px 4.9 in gray speckle and print, 20 in the default '
+               'pattern.'))
     agreement_odds: float = constant(
         1.5, '1', 'Added to the log-odds of nodes whose plane the search confirms, and taken from '
         'those where it contradicts.',
@@ -920,6 +977,22 @@ class TrustTuning(Constants):
     unsteady_floor: float = constant(
         1.4, '1', 'Log-odds that such a node keeps: a confidence of .8.',
         chosen('Without it .02 fewer right ranges.'))
+    tempered_odds: float = constant(
+        -0.33, '1', 'Log-odds where the second difference is 1 px and other evidence says '
+        'nothing, unless colors are aperiodic.',
+        chosen('Logistic regression on 110 pairs: six scenes under ten patterns named unknown, '
+               'sines and sweeps. Wrong of those above .9, effector_bin, mean of 19 pairs: 9.5 -> '
+               '5 %. The same weights hold for gray pairs and slow colors, '
+               'which were left out.'))
+    tempered_factor: float = constant(
+        0.42, '1', 'Factor of the log-odds of other evidence there.',
+        chosen('Found with `tempered_odds`: log-odds of an aperiodic pattern are too sure.'))
+    rough_odds: float = constant(
+        1.1, '1', 'Log-odds that a node loses where the second difference is e times as large.',
+        chosen('Found with `tempered_odds`. Wrong planes scatter.'))
+    kept_odds: float = constant(
+        1.0, '1', 'Log-odds that such a node keeps: a confidence of .73.',
+        chosen('Without it .01 fewer right ranges; .45: .005, since pixels lie between nodes.'))
     discord_odds: float = constant(
         20.0, '1', 'Log-odds that nodes lose where all around contradict; 0: not asked.',
         chosen('More than any node has (9662ae5).'))
@@ -954,14 +1027,26 @@ class RepetitionTuning(Constants):
         PERIOD.provenance('odds'))
     noticed_gap: float = constant(
         2.0, 'large steps', 'As `least_gap`, to notice that colors match at several places.',
-        chosen('Default pattern: at most .04 of the nodes, .11 where one view is blurred by 3 px '
-               'or rows differ by 5 px; unlit or repeating colors: .22 and more.'))
+        chosen('Default pattern: at most .04 of the nodes; one view blurred by 3 px .11, ambient '
+               'light of 300 % .21, rows 5 px off .24. Bare surfaces under repeating patches .42 '
+               'to .69, under 16 sines .8.'))
     noticed_cost: float = constant(
         2.5, 'large steps', 'Cost of the best match from which a node has no match at all.',
         unexplained('What lies outside the limits matches by chance, at several places.'))
     noticed_share: float = constant(
-        0.18, '1', 'Share of nodes with a rival above which an aperiodic pattern is not what the '
-        'images show.', chosen('Between these figures.'))
+        0.18, '1', 'Share of nodes with a rival from which an aperiodic pattern does not show if '
+        'the colors are silent, too.',
+        chosen('Gray speckle and white dots in place of the default pattern: .17 to .84.'))
+    certain_share: float = constant(
+        0.3, '1', 'Share of nodes with a rival from which it is not what the images show.',
+        chosen('Between these figures.'))
+    least_color_detail: float = constant(
+        2.3, '1', 'Median of the detail of colors, see `texture.detail`, from which they show.',
+        chosen('Default pattern 19 to 42, blurred by 3 px 3.0, in ambient light of 300 % 2.7 and '
+               '10; gray speckle .5 to 1.1, white dots 1 to 2.1.'))
+    sure_share: float = constant(
+        0.4, '1', 'Such a share that unequal blur does not explain.',
+        chosen('One view blurred by 3 px: .05 to .24. Repeating colors: mostly .5 to .9.'))
     noticed_step: int = constant(
         2, 'coarse nodes', 'Distance of the nodes that are asked for that.',
         unexplained('A share needs no more.'))
@@ -981,6 +1066,16 @@ class RepetitionTuning(Constants):
         (0.9, 0.9, 1.1, 1.3, 2.0, 3.0, 5.0, 14.0), '1', 'As `odds`, where two searches agree.',
         chosen('Right at these shares on seventeen pairs: .93 .85 .87 .94 .95 .98 1; lower, since '
                'bare walls under 32 periods are right at half of the places.'))
+    wide_agreement: tuple = constant(
+        (0.55, 0.75), '1', 'Shares of agreement among `surroundings` from which the period begins '
+        'to be certain, and from which it is.',
+        chosen('133 pairs, six scenes: periods slip at .1 to .53 only; others have .63 to .97. '
+               'Share of the right ranges above a confidence of .9, effector_bin and airplane: '
+               '.56 -> .64, .46 -> .63.'))
+    partly_clear: tuple = constant(
+        (0.6, 0.8), '1', 'Shares of clear nodes between which that comes to hold.',
+        chosen('Under gloss, two searches slip alike on a bare plane: .19 of it would be above a '
+               'confidence of .9 with .3 and .6. Textured pairs have .7 and more.'))
     contested_odds: tuple = constant(
         (0.45, 0.45, 0.45, 0.45, 0.45, 0.6, 2.0, 14.0), '1', 'The same where they do not.',
         chosen('Right: .81 .71 .64 .57 .51 .85 on the same pairs.'))
@@ -1039,6 +1134,7 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
         'Both cameras may see different parts of the pattern: the blocks decide.')),
     'views.balance_blocks': Change((12, 9), chosen(
         'A block of 53 px holds whole cycles of most patterns.')),
+    'unlike.common': Change(False, derived('Slow colors have no sharp edges.')),
     'unlike.quiet_scale': Change(0.0, derived(
         'Small gains do not show in the scale, but move colors in one dimension.')),
     'unlike.least_gain': Change(0.01, chosen(
@@ -1091,9 +1187,11 @@ def detailed_tuning(tuning):
     """Return how planes are fitted and judged where a pair shows detail in its brightness."""
     if tuning.views.averaging_radius:  # those of slow colors
         tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
-                         trust=TUNING.trust, rows=TUNING.rows)
-    return replace(tuning, neighbors=replace(tuning.neighbors,
-                                             inertia=tuning.brightness.inertia))
+                         trust=TUNING.trust, rows=TUNING.rows, bends=TUNING.bends,
+                         quality=TUNING.quality)
+    brightness = tuning.brightness
+    return replace(tuning, neighbors=replace(tuning.neighbors, inertia=brightness.inertia),
+                   unlike=replace(tuning.unlike, least_explained=brightness.least_explained))
 
 
 def noise_correlation(radius):

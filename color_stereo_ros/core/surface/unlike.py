@@ -29,6 +29,8 @@ REACH = 4
 """Columns of the right view beside a place that are read."""
 LINEAR = 3
 """Terms of a linear polynomial over the image."""
+DIRECTIONS = [(0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]
+"""Rows and columns from a node to its eight neighbors."""
 QUADRATIC = 6
 """Terms of a quadratic one."""
 
@@ -50,7 +52,8 @@ class Samples:
     slope: np.ndarray
     """Of the right chromaticity along the rows, per px."""
     bends: np.ndarray
-    """(2, 2, N): second derivative along rows and along columns, mean of both views, per px^2."""
+    """(3, 2, N): second derivative along rows, along columns, and along both, mean of both views,
+    per px^2."""
 
     @property
     def count(self):
@@ -88,9 +91,8 @@ def sampled(views, planes, step_y, step_x):
     at = y * width + i
     flat = right.variance.ravel()
     lit = np.maximum(flat[at], flat[at + 1]) < SILENT_VARIANCE
-    for step in (-2, 2, -width, width):
-        lit &= flat[at + step] < SILENT_VARIANCE
-    for step_down, step_right in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+    for step_down, step_right in DIRECTIONS:
+        lit &= flat[at + (step_down * width + 2 * step_right)] < SILENT_VARIANCE
         lit &= left.variance[y + step_down, x + step_right] < SILENT_VARIANCE
     bright = lit & (left.variance[y, x] < DIM_VARIANCE)
     if LEAST_SAMPLES <= bright.sum() < BRIGHT_SHARE * lit.sum():
@@ -99,10 +101,10 @@ def sampled(views, planes, step_y, step_x):
     weights = cubic(place - np.floor(place))
     found = [compared(each_left, each_right.ravel(), y, x, at, weights, width)
              for each_left, each_right in ((left.u, right.u), (left.v, right.v))]
-    error, color, slope, bend_x, bend_y = (np.stack(each) for each in zip(*found))
+    error, color, slope, bend_x, bend_y, twist = (np.stack(each) for each in zip(*found))
     if views.psf > 0:
         error += F4(0.5) * foreshortened(planes.a[y, x], planes.b[y, x], views.psf) * bend_x
-    return Samples(y, x, place, error, color, slope, np.stack([bend_x, bend_y]))
+    return Samples(y, x, place, error, color, slope, np.stack([bend_x, bend_y, twist]))
 
 
 def foreshortened(a, b, psf):
@@ -137,7 +139,10 @@ def compared(left, right, y, x, at, weights, width):
     bend_x = before + after - 2 * there + left[y, x - 1] + left[y, x + 1] - 2 * here
     bend_y = (interpolated(-width) + interpolated(width) - 2 * there
               + left[y - 1, x] + left[y + 1, x] - 2 * here)
-    return here - there, there, (after - before) / 4, bend_x / 8, bend_y / 8
+    twist = sum(down * to_right * (interpolated(down * width + 2 * to_right)
+                                   + left[y + down, x + to_right])
+                for down, to_right in DIRECTIONS if down * to_right)
+    return here - there, there, (after - before) / 4, bend_x / 8, bend_y / 8, twist / 32
 
 
 def shares(color):
@@ -165,6 +170,8 @@ class Unlikeness:
     blur: np.ndarray
     """(2, LINEAR): variance that blurs the right view along rows and columns, px^2; below 0 the
     left view is the sharper one."""
+    oblique: float
+    """Covariance of this blur between rows and columns, px^2; 0 where it lies along them."""
     gain: np.ndarray
     """(2, QUADRATIC): of the gauges, over the right view."""
     gamma: float
@@ -228,6 +235,9 @@ class Regression:
                     names.append(('blur', axis, k))
                     terms.append(0.5 * samples.bends[axis] * factor)
                     prior.append(tuning.blur_prior)
+            names.append(('blur', 2, 0))
+            terms.append(samples.bends[2])
+            prior.append(tuning.blur_prior)
         if color:
             for gauge in range(2):
                 for k, factor in enumerate(polynomial(self.x, self.y, QUADRATIC)):

@@ -84,7 +84,7 @@ def sample_colors(k, box, index, frac_x, frac_y, stride, dark, gain, softening, 
     v = sqrt(3) (g - b) / (s + softening), s = r + g + b (DN, dark level subtracted, gains
     applied), peak, the brightest raw channel (DN), and the variance of each chromaticity,
     (floor + shot s + relative s^2) / s^2 with noise = (floor, shot, relative), SILENT_VARIANCE
-    where a color has no information: outside, from the peak `saturation` on, or black. Outside
+    where a color has no information: outside, all channels from `saturation` on, or black. Outside
     u = v = s = 0, peak = -1.
 
     widening, float32 (2, h, w) along rows and columns, evens out what nodes see through, see
@@ -146,7 +146,7 @@ def sample_row(box, index, frac_x, frac_y, stride, dark, gain, softening, satura
                  + w11 * F4(I4((c11 >> U4(10)) & ten_bits)))
             b = (w00 * F4(I4(c00 >> U4(20))) + w01 * F4(I4(c01 >> U4(20)))
                  + w10 * F4(I4(c10 >> U4(20))) + w11 * F4(I4(c11 >> U4(20))))
-            highest = max(r, max(g, b))
+            highest, lowest = max(r, max(g, b)), min(r, min(g, b))
             r = max(r - dark_r, zero) * gain_r
             g = max(g - dark_g, zero) * gain_g
             b = max(b - dark_b, zero) * gain_b
@@ -154,7 +154,7 @@ def sample_row(box, index, frac_x, frac_y, stride, dark, gain, softening, satura
             scale = one / (total + softening)
             inverse = one / max(total, LEAST_BRIGHTNESS)
             spread = relative + inverse * (shot + floor * inverse)
-            silent = outside | (highest >= saturation) | (spread > SILENT_VARIANCE)
+            silent = outside | (lowest >= saturation) | (spread > SILENT_VARIANCE)
             us[x] = zero if outside else (r + r - g - b) * scale
             vs[x] = zero if outside else (g - b) * (scale * root3)
             totals[x] = zero if outside else total

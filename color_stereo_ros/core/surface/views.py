@@ -21,7 +21,7 @@ from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .moving import MovedRows
 from .raw_faults import (
-    chroma_is_subsampled, has_hot_pixels, LUMA, quantization, without_hot_pixels)
+    chroma_is_subsampled, has_hot_pixels, LUMA, quantization, sharpness, without_hot_pixels)
 from .view_kernels import box_sums, channel_levels, sample_colors
 
 ROOT12 = F4(2 * math.sqrt(3.0))
@@ -50,9 +50,11 @@ class Views:
     noise_weight : numpy.float32
         Of the pair in force, see `gains.noise_weight`.
     compressed : bool
-        The chroma of the pair in force is subsampled.
+        The chroma of a view of the pair in force is subsampled.
     evened : float
         Blur that was evened out in the pair in force, px^2, see `even.apply`.
+    common_blur : float
+        Blur of both views of the pair in force, px^2; 0 where one of them is sharp.
     quantization : float
         Of the last such pair, DN, see `raw_faults.quantization`.
 
@@ -60,8 +62,9 @@ class Views:
 
     def __init__(self, calibration, grid, settings, tuning, rectified_input, arena):
         """Build the maps of both cameras and make their point spreads alike."""
-        margin, raw, tuning = tuning.rows.margin, tuning.raw, tuning.views
+        margin, raw, unlike, tuning = tuning.rows.margin, tuning.raw, tuning.unlike, tuning.views
         self.grid, self.settings, self.tuning, self.raw = grid, settings, tuning, raw
+        self.unlike = unlike
         rows, columns = grid.nodes
         self.left = View(calibration.left, rows, columns, 2, grid.shape, rectified_input,
                          tuning, arena)
@@ -82,7 +85,7 @@ class Views:
         self.compressed = False
         self.saturation = settings.color.saturation_level - 1
         self.quantization = 1.0
-        self.evened = 0.0
+        self.evened = self.common_blur = 0.0
 
     def load(self, left, right, applied):
         """
@@ -107,8 +110,9 @@ class Views:
         color = self.settings.color
         left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
                        else image for image in (left, right))
-        # chroma that is subsampled in one view alone would make the views unlike
-        self.compressed = all(chroma_is_subsampled(image, self.raw) for image in (left, right))
+        self.common_blur = self.blur_of_both(left, right)
+        # where one view is compressed, the other one gets the same treatment: they stay alike
+        self.compressed = any(chroma_is_subsampled(image, self.raw) for image in (left, right))
         cell = self.raw.dark_cell if self.compressed else 1
         levels = [self.left.load(left, color, cell), self.right.load(right, color, cell)]
         self.share_dark_levels(levels)
@@ -119,6 +123,21 @@ class Views:
         self.noise_weight = F4(noise_weight(left, self.tuning))
         return self
 
+    def copied(self):
+        """Return what `restore` takes: the colors of both views as they are now."""
+        return [each.copy() for each in self.colors()]
+
+    def restore(self, kept):
+        """Take back what has changed in the colors since `copied` returned this."""
+        for each, old in zip(self.colors(), kept):
+            each[:] = old
+        self.evened = 0.0
+
+    def colors(self):
+        """Return the arrays of colors that are changed where views are made alike."""
+        return [plane for view in (self.left, self.right)
+                for plane in (view.u, view.v, view.s, view.variance)]
+
     def average(self):
         """Average slow colors, and let print show in them; where nothing finer is to be seen."""
         for view in (self.left, self.right):
@@ -127,6 +146,21 @@ class Views:
             if self.tuning.print_gain:
                 view.add_print()
         self.noise_weight = F4(self.noise_weight / (1 + 2 * self.tuning.averaging_radius) ** 2)
+
+    def blur_of_both(self, left, right):
+        """Return common_blur of raw images."""
+        tuning = self.unlike
+        if not (tuning.common and tuning.blur and self.settings.matching.blur_matching):
+            return 0.0
+        sharpest = max(sharpness(left, tuning), sharpness(right, tuning))
+        if sharpest >= tuning.sharpnesses[-1]:
+            return 0.0
+        return float(np.interp(sharpest, tuning.sharpnesses, tuning.common_blurs))
+
+    @property
+    def blur(self):
+        """Return the blur that both views share by now, evened out or seen, px^2."""
+        return self.evened + self.common_blur
 
     def smoothing(self, left, right):
         """Write quantization; return how much to smooth, see `View.sharpen_by_luma`."""
