@@ -200,3 +200,48 @@ def support_verdict(agreeing, known, expected, places, own_agreeing, own_known, 
     odds = (0.45 - 0.78 * math.log(deviation + 0.02)
             + 1.18 * math.log((own_agreeing + 0.5) / (own_known - own_agreeing + 0.5)))
     return 1 / (1 + math.exp(-odds))
+
+
+def chromaticity(color, dark):
+    """Return r - g and b - (r + g) / 2 over the brightness of one color."""
+    r, g, b = (float(each) for each in color)
+    return np.array([r - g, b - (r + g) / 2]) / (r + g + b + dark)
+
+
+def read_bilinear(colors, u, v):
+    """Return a value between four pixels and its slopes along u and v."""
+    x, y = int(u), int(v)
+    fx, fy = u - x, v - y
+    a, b = colors[y, x].astype(float), colors[y, x + 1].astype(float)
+    c, d = colors[y + 1, x].astype(float), colors[y + 1, x + 1].astype(float)
+    value = (1 - fy) * ((1 - fx) * a + fx * b) + fy * ((1 - fx) * c + fx * d)
+    return value, (1 - fy) * (b - a) + fy * (d - c), (1 - fx) * (c - a) + fx * (d - b)
+
+
+def place_patch(image, pattern, pixel, place, affine, rounds, farthest, half, dark):
+    """Return the row of results that `place_patches` writes for one patch."""
+    offsets = [(i, j) for j in range(-half, half + 1) for i in range(-half, half + 1)]
+    own = np.array([chromaticity(image[pixel[1] + j, pixel[0] + i], dark) for i, j in offsets])
+    own -= own.mean(axis=0)
+    nothing, at = np.full(4, np.nan), np.array(place, float)
+    last = np.array(pattern.shape[1::-1]) - 1
+    for turn in range(rounds + 1):
+        there = at + np.array(offsets) @ np.asarray(affine).T
+        if not ((there >= 0) & (there < last)).all():
+            return nothing
+        colors, along_u, along_v = (np.array(each) for each in zip(
+            *(read_bilinear(pattern, *each) for each in there)))
+        colors, along_u, along_v = (each - each.mean(axis=0)
+                                    for each in (colors, along_u, along_v))
+        mixed = np.linalg.lstsq(colors, own, rcond=None)[0]
+        error = (own - colors @ mixed).ravel()
+        slopes = np.column_stack([(along_u @ mixed).ravel(), (along_v @ mixed).ravel()])
+        normal = slopes.T @ slopes
+        if turn == rounds:
+            break
+        at = at + np.linalg.solve(normal, slopes.T @ error)
+        if (np.abs(at - place) >= farthest).any():
+            return nothing
+    variance = error @ error / (2 * len(offsets) - 8)
+    spread = math.sqrt(variance * np.trace(np.linalg.inv(normal)) / 2)
+    return np.array([*at, spread, 1 - error @ error / np.sum(own ** 2)])

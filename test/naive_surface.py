@@ -728,8 +728,8 @@ def pixel_odds(odds, v, u, rows, columns):
     return OWN_SHARE * own + (1 - OWN_SHARE) * interpolated
 
 
-def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, offset, least_odds,
-           shape):
+def expand(planes, std, odds, reason, beyond, rows, columns, limits, focal_baseline, offset,
+           least_odds, shape):
     """Return disparity, depth, standard deviation, confidence (4, H, W) and status (H, W)."""
     images = np.full((4, *shape), np.nan)
     codes = np.zeros(shape, np.uint8)
@@ -745,7 +745,7 @@ def expand(planes, std, odds, reason, rows, columns, limits, focal_baseline, off
             codes[v, u] = reason[node]
         elif not limits[0] <= value <= limits[1]:
             codes[v, u] = Status.OUT_OF_RANGE
-        elif not 0 <= u - value <= shape[1] - 1:
+        elif not (0 <= u - value <= shape[1] - 1 or beyond[node]):
             codes[v, u] = Status.INCONSISTENT
         else:
             images[:, v, u] = (value, focal_baseline / (value - offset), std[node],

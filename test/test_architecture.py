@@ -32,11 +32,12 @@ SIDE_DOORS = {'nodes/sim_rig.py': 'sim'}
 
 # Rooms within the core: the rooms that they must not know, besides those above.
 CLOSED = {
-    'core/compiled': 'settings cameras patterns surface paper',
-    'core/settings': 'cameras surface paper',
-    'core/cameras': 'patterns surface paper',
-    'core/patterns': 'cameras surface paper',
-    'core/rows': 'patterns surface paper',
+    'core/compiled': 'settings cameras patterns projector surface paper',
+    'core/settings': 'cameras projector surface paper',
+    'core/cameras': 'patterns projector surface paper',
+    'core/patterns': 'cameras projector surface paper',
+    'core/projector': 'patterns surface paper',
+    'core/rows': 'patterns projector surface paper',
     'core/surface': 'paper',
     'core/paper': 'surface',
 }

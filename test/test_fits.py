@@ -6,13 +6,14 @@ from pathlib import Path
 import subprocess
 import sys
 
-from color_stereo_ros.core import PatternSettings
+from color_stereo_ros.core import PatternSettings, Settings
 from color_stereo_ros.core.surface.fitted import FittedModel, load_model, MODELS
 from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.evaluation.fits import arguments, nodes, period, records, run, slow
 from color_stereo_ros.evaluation.fits import spread, trust
 from color_stereo_ros.evaluation.fits.pairs import Pair
 import numpy as np
+import projected
 import pytest
 from surface_pairs import rig, step_pair, surface_settings
 
@@ -135,14 +136,25 @@ def options(**values):
     return run.Options(quick=True, progress=list, **values)
 
 
+def projected_pair():
+    """Return a Pair that a projector beside the cameras lights."""
+    disparity, lit, visible = projected.truth()
+    depths = projected.CALIBRATION.geometry.focal_baseline / np.array(projected.LIMITS)
+    settings = Settings(pattern=projected.PATTERN).updated(
+        {'range.min_depth': float(depths[1]), 'range.max_depth': float(depths[0])})
+    return Pair('projected', projected.CALIBRATION, settings, *projected.pair(), disparity,
+                visible, lit & ~visible, projected.projector())
+
+
 @pytest.mark.parametrize('name', list(run.FITS))
 def test_every_fit_gives_the_parameters_of_its_model(name):
     cyclic = {'slow': PatternSettings(type='sine'),
               'period': PatternSettings(type='sine', cycles=8)}
-    fitted, report = run.FITS[name].fit([step(cyclic.get(name, PatternSettings()))], options())
+    pair = projected_pair() if name == 'third' else step(cyclic.get(name, PatternSettings()))
+    fitted, report = run.FITS[name].fit([pair], options())
     assert set(fitted) == set(load_model(name).fitted)
     assert all(isinstance(line, str) for line in report)
-    if name in ('trust', 'spread', 'slow'):
+    if name in ('trust', 'spread', 'slow', 'third'):
         shipped = load_model(name)
         assert all(np.shape(value) == np.shape(shipped[key]) for key, value in fitted.items())
 

@@ -737,12 +737,13 @@ def expanded(size, seed):
     odds[np.isnan(shape[0])] = HOPELESS_ODDS
     odds[:, PAD - 1], odds[:, PAD + COLUMNS] = odds[:, PAD], odds[:, PAD + COLUMNS - 1]
     reason = rng.choice([Status.AMBIGUOUS, Status.NO_MATCH], SHAPE).astype(np.uint8)
+    beyond = rng.random(SHAPE) < 0.3
     limits, least = np.array([-3, 9], F4), F4(0.4)
     images, codes = np.empty((4, *size), F4), np.empty(size, np.uint8)
-    expand(*shape, std, odds, reason, ROWS, COLUMNS, limits, F4(40), F4(-20), least,
+    expand(*shape, std, odds, reason, beyond, ROWS, COLUMNS, limits, F4(40), F4(-20), least,
            *images, codes)
-    expected = naive.expand(shape, std, odds, reason, ROWS, COLUMNS, limits, 40.0, -20.0,
-                            float(least), size)
+    expected = naive.expand(shape, std, odds, reason, beyond, ROWS, COLUMNS, limits, 40.0,
+                            -20.0, float(least), size)
     return (images, codes), expected
 
 
@@ -761,7 +762,7 @@ def test_a_pixel_beside_a_doubtful_node_is_doubted_more():
     flat = [framed(np.full((ROWS, COLUMNS), value)) for value in (5.0, 0.0, 0.0)]
     images, codes = np.empty((4, 2 * ROWS, 2 * COLUMNS), F4), np.empty(
         (2 * ROWS, 2 * COLUMNS), np.uint8)
-    expand(*flat, odds, odds, np.zeros(SHAPE, np.uint8), ROWS, COLUMNS,
+    expand(*flat, odds, odds, np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, bool), ROWS, COLUMNS,
            np.array([-3, 9], F4), F4(40), F4(-20), F4(-9), *images, codes)
     confidence = images[3]
     assert confidence[6, 11] < confidence[6, 12] < confidence[6, 13]

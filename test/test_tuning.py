@@ -12,10 +12,12 @@ from color_stereo_ros.core.constants import (
     chosen, constant, Constants, derived, KINDS, listed, replaced)
 from color_stereo_ros.core.paper import tuning as paper
 from color_stereo_ros.core.patterns.expectation import Expectation
+from color_stereo_ros.core.projector import tuning as projector
 from color_stereo_ros.core.rows import tuning as rows
 from color_stereo_ros.core.surface import fitted, tuning as surface
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE
 from color_stereo_ros.core.surface.method import SurfaceMethod
+from color_stereo_ros.core.surface.third import tuning as third
 from color_stereo_ros.core.surface.tuning import slow, TUNING, tuning_for
 from color_stereo_ros.core.surface.warm_up import some_calibration
 import numpy as np
@@ -24,7 +26,8 @@ import yaml
 
 CORE = Path(surface.__file__).parents[1]
 ENTRIES = [*listed(TUNING), *listed(paper.TUNING, 'paper.'),
-           *listed(rows.TUNING, 'rows.'), *listed(account.TUNING, 'account.')]
+           *listed(rows.TUNING, 'rows.'), *listed(projector.TUNING, 'projector.'),
+           *listed(account.TUNING, 'account.'), *listed(third.TUNING, 'third.')]
 # Halves and quarters of pixels, means of two and three, signs: formulas have such numbers.
 SIMPLE = {0.0, 0.25, 0.5, 0.75, 1.0, 2.0, 3.0}
 # Functions that hold other numbers, which nobody may tune.
@@ -47,14 +50,19 @@ GLOBALS = {
     'PATCH_ROWS', 'PATCH_COLUMNS', 'stack_sums',  # sizes that follow from the tuning
     'SIZE',               # of any small rig
     'ROOT3', 'ROOT12',    # from the definition of chromaticity
+    'SIDE', 'VALUES',     # sizes of a patch
+    'LENS', 'FREEDOMS',   # places of unknowns
     'RING', 'TENT',       # shapes of the neighbors that demosaicing mixes
     'GAUGES', 'REACH', 'LINEAR', 'QUADRATIC',  # from the model of unequal views
     'ESTIMATE',           # a word of the settings
-    'wait', 'tries',      # counts that begin at 0
+    'wait', 'tries', 'matches', 'with_depth',  # counts that begin at 0
+    'color_map',          # the shape of an array
     'SUBPIXEL_CODES',     # names of modes
+    'NEIGHBORS',          # the four of them
+    '(RIGHT_CAMERA, PROJECTOR)',  # bits of `views`
     'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
-SOURCES = [path for room in ('surface', 'paper', 'rows')
+SOURCES = [path for room in ('surface', 'surface/third', 'paper', 'rows', 'projector')
            for path in sorted((CORE / room).glob('*.py'))
            if path.name not in ('tuning.py', 'fitted.py')] + [CORE / 'account.py']
 
@@ -135,7 +143,9 @@ def texts_of(room):
 
 
 @pytest.mark.parametrize('room, tuning', [('surface', TUNING), ('paper', paper.TUNING),
-                                          ('rows', rows.TUNING)])
+                                          ('rows', rows.TUNING),
+                                          ('surface/third', third.TUNING),
+                                          ('projector', projector.TUNING)])
 def test_every_constant_is_read(room, tuning):
     text = texts_of(room)
     chooses = {'views.averaging_period', 'views.largest_averaging_radius'}  # in `changes_for`
@@ -316,6 +326,7 @@ def test_a_missing_model_is_refused():
 
 def test_all_models_that_ship_are_in_the_tuning():
     shipped = {path.stem for path in fitted.MODELS.glob('*.yaml')}
-    assert shipped == {'trust', 'slow', 'spread', 'period'}
+    assert shipped == {'trust', 'slow', 'spread', 'period', 'third'}
     assert TUNING.trust.form == fitted.load_model('trust')['form']
+    assert third.TUNING.odds.firm == fitted.load_model('third')['firm']
     assert slow(4)['trust.odds_offset'].value == fitted.load_model('slow')['odds_offset']

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sensor as one object: a calibrated color pair in, a range result out."""
 
+from dataclasses import replace
 from functools import partial
 from threading import Lock
 from time import perf_counter
@@ -11,11 +12,13 @@ from ..errors import CalibrationError, SettingsError
 from .cameras.rectification import Rectifier
 from .compiled import refuse_after_fork
 from .methods import make_method
+from .patterns.making import make_pattern
 from .results import RangeResult
 from .rows.alignment import Alignment
 from .rows.estimate import resumed
 from .rows.search import search
 from .settings import Settings
+from .status import Status
 from .triangulation import disparity_limits
 
 # The kernels own their buffers and numba's threading layers do not all allow parallel calls.
@@ -61,7 +64,7 @@ class ColorStereo:
         self._rectifier = Rectifier(calibration, rectified_input)
         self._method = make_method(settings, calibration, self._limits, self._rectifier)
         self._search_at_once = search_at_once
-        self._alignment = None
+        self._alignment = self._projector = self._pattern = None
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)
         self.process(black, black)
         self._alignment = None
@@ -121,6 +124,44 @@ class ColorStereo:
         kept = left.copy()  # the image is made when asked, and the caller may reuse its arrays
         with KERNELS:
             found = self._measure(_read_only(kept), _read_only(right), alignment, clock)
+        return self._result(found, kept, clock)
+
+    def process_left(self, left):
+        """
+        Measure one image with left camera and projector, without the right camera.
+
+        What is known of the colors comes from the last pair. Disparities are those that the right
+        camera would see.
+
+        Parameters
+        ----------
+        left : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB image.
+
+        Returns
+        -------
+        result : RangeResult
+
+        Raises
+        ------
+        ImageError
+            If the image is no array, or its type or size is wrong.
+        SettingsError
+            If no projector is in use, see `use_projector`.
+
+        """
+        refuse_after_fork()
+        if self._projector is None:
+            raise SettingsError('no projector is in use: one camera alone measures nothing')
+        kept = self._rectifier.checked(left, left)[0].copy()
+        clock = Stopwatch()
+        with KERNELS:
+            found = self._method.measure_left(_read_only(kept), clock)
+        return self._result(found, kept, clock)
+
+    def _result(self, found, kept, clock):
+        if found.views is None:
+            found = replace(found, views=(found.status == Status.VALID).view(np.uint8))
         return RangeResult(
             **vars(found), image_source=partial(self._rectifier.rectify_left, kept),
             geometry=self.calibration.geometry, disparity_limits=self._limits,
@@ -178,6 +219,33 @@ class ColorStereo:
     def reset(self):
         """Forget what is known of the rows of the two views."""
         self.adopt(None)
+
+    @property
+    def projector(self):
+        """Return the ProjectorModel in use, None while two views measure."""
+        return self._projector
+
+    def use_projector(self, model):
+        """
+        Take the projector as a third view from the next pair on.
+
+        Without effect where `matching.third_view` is off, the pattern is unknown or repeats, or
+        the method knows no third view.
+
+        Parameters
+        ----------
+        model : ProjectorModel or None
+            None: two views from here on.
+
+        """
+        refuse_after_fork()
+        usable = getattr(self._method, 'may_use_projector', False)
+        with KERNELS:
+            if usable:
+                if model is not None and self._pattern is None:
+                    self._pattern = make_pattern(self.settings.pattern)
+                self._method.use_projector(model, self._pattern)
+            self._projector = model if usable else None
 
     def _unknown(self):
         geometry = self.calibration.geometry

@@ -26,6 +26,12 @@ class Measurement:
     """uint8 (H, W), a `Status` code; 0 exactly where depth is finite."""
     disparity_std: np.ndarray
     """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
+    views: np.ndarray | None = field(default=None, kw_only=True)
+    """
+    uint8 (H, W), who saw the place, bits: 1 right camera, 2 projector; 0 without a range.
+
+    None: the method knows two cameras only; a RangeResult then has 1 at every range.
+    """
     alignment: Alignment | None = field(default=None, kw_only=True)
     """By how much the rows of the two views disagree; None: the method does not measure it."""
     rival_share: float = field(default=0.0, kw_only=True)

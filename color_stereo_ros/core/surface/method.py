@@ -102,6 +102,7 @@ class SurfaceMethod:
         self.aligner = None if choice == 'off' else Aligner(
             (grid.width, grid.height), choice == 'correct')
         self.evening = Evening(settings.matching, tuning)
+        self.third = None
         self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
             self.warm_refinements()
@@ -160,10 +161,99 @@ class SurfaceMethod:
         if identical(left, right):  # at disparity 0 there is nothing to measure
             np.minimum(verdict.log_odds, F4(0), out=verdict.log_odds)
         clock.lap('judge', verdict)
-        measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
-                                      self.trust.least_odds)
+        fused = None if identical(left, right) else self.with_third_view(verdict, pair, clock)
+        measurement = self.expanded(verdict, fused)
         clock.lap('expand', measurement)
         return replace(measurement, alignment=alignment, rival_share=self.rival_share)
+
+    def use_projector(self, model, pattern):
+        """
+        Take the projector as a third view from the next pair on.
+
+        Without effect unless `matching.third_view` allows it and the pattern never repeats.
+
+        Parameters
+        ----------
+        model : ProjectorModel or None
+            None: two views from here on.
+        pattern : numpy.ndarray, uint8, shape (H, W, 3), or None
+            What the projector shows, linear light.
+
+        """
+        if not self.may_use_projector:
+            return
+        first = self.third is None
+        if first and model is not None:
+            from .third.view import ThirdView
+            self.third = ThirdView(self, Arena())
+        if self.third is not None:
+            self.third.adopt(model, pattern)
+            if first:
+                self.third.warm(self.planes, self.trust.verdict)
+
+    @property
+    def may_use_projector(self):
+        """Return whether settings and pattern allow a third view."""
+        matching = self.settings.matching
+        return (matching.third_view != 'off' and self.expectation.aperiodic
+                and matching.refinements > 0)
+
+    def with_third_view(self, verdict, pair, clock):
+        """
+        Return what two cameras and projector hold of every node, None without a projector.
+
+        Parameters
+        ----------
+        verdict : Verdict
+            Of the two cameras; stays as it is.
+        pair : PairModel
+        clock : Stopwatch
+
+        Returns
+        -------
+        fused : Fused or None
+
+        """
+        if self.third is None or self.third.projected is None or self.brightness.active:
+            return None
+        fused = self.third.fused(self.planes, verdict, self.least_squares.linearized, pair)
+        clock.lap('third view', fused)
+        return fused
+
+    def measure_left(self, left, clock):
+        """
+        Measure with left camera and projector, without the right camera.
+
+        Parameters
+        ----------
+        left : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB image.
+        clock : Stopwatch
+
+        Returns
+        -------
+        measurement : Measurement or None
+            None without a projector.
+
+        """
+        if self.third is None or self.third.projected is None:
+            return None
+        views = self.views.load(left, left, np.zeros(COUNT))
+        clock.lap('colors', views)
+        fused = self.third.measure_alone(PairModel.neutral(views))
+        clock.lap('third view', fused)
+        measurement = self.expanded(None, fused)
+        clock.lap('expand', measurement)
+        return measurement
+
+    def expanded(self, verdict, fused):
+        """Return the Measurement of the nodes of two views, or of three; see `with_third_view`."""
+        least = self.trust.least_odds
+        if fused is None:
+            return measured_pixels(self.planes, verdict, self.geometry, self.limits, least)
+        measurement = measured_pixels(fused.planes, fused.verdict, self.geometry, self.limits,
+                                      least, fused.beyond)
+        return replace(measurement, views=fused.views_of(measurement.status))
 
     def bend(self, views, planes, pair, clock):
         """

@@ -38,16 +38,17 @@ def bounded(odds):
 
 
 @banded(fastmath=FAST)
-def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline, offset,
-           least_odds, disparity, depth, out_std, out_confidence, out_status):
+def expand(k, d, a, b, std, odds, reason, beyond, rows, columns, limits, focal_baseline,
+           offset, least_odds, disparity, depth, out_std, out_confidence, out_status):
     """
     Evaluate the planes of the nodes at every pixel, decide which count, and triangulate.
 
     Z = focal_baseline / (d - offset). Log-odds of a pixel: OWN_SHARE of its node's, the rest
     bilinear between the nodes around, so that a pixel next to doubtful nodes is doubted more than
     that on the other side of its node; below least_odds it has no range. A pixel whose place lies
-    outside the right image has none either, even if that of its node lies inside. Pixels beyond
-    the last whole node take the nearest one. Where there is no range, disparity, depth and
+    outside the right image has none either, even if that of its node lies inside, unless beyond,
+    bool, says that the right camera does not matter. Pixels after the last whole node take the
+    nearest one. Where there is no range, disparity, depth and
     out_std are NaN and confidence is 0.
 
     """
@@ -70,6 +71,7 @@ def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline,
             here, there = odds[y, left - 1:right + 1], odds[other, left - 1:right + 1]
             dd, aa, bb = d[y, left:right], a[y, left:right], b[y, left:right]
             noise, reasons = std[y, left:right], reason[y, left:right]
+            anywhere = beyond[y, left:right]
             for x in range(count + 2):
                 mixed[x] = near * bounded(here[x]) + far * bounded(there[x])
             # an odd last column has no node of its own
@@ -86,7 +88,7 @@ def expand(k, d, a, b, std, odds, reason, rows, columns, limits, focal_baseline,
                     sure = (certainty >= least_odds) & (here[x + 1] > HOPELESS_ODDS)
                     within = (value >= lowest) & (value <= highest)
                     place = first_column + F4(2 * x) - value
-                    seen = (place >= F4(0)) & (place <= last_place)
+                    seen = ((place >= F4(0)) & (place <= last_place)) | anywhere[x]
                     valid = sure & within & seen
                     code = INCONSISTENT if within else OUT_OF_RANGE
                     code = code if sure else reasons[x]

@@ -8,7 +8,7 @@ from .grid_kernels import F4
 from .pixel_kernels import expand
 
 
-def measured_pixels(planes, verdict, geometry, limits, least_odds):
+def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None):
     """
     Return the measurement at every pixel.
 
@@ -21,6 +21,8 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds):
         Smallest and largest disparity, px.
     least_odds : numpy.float32
         Pixels with lower log-odds of being right get no range.
+    beyond : numpy.ndarray, bool, framed, optional
+        Nodes whose place may lie outside the right image; default: none.
 
     Returns
     -------
@@ -31,8 +33,10 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds):
     disparity, depth, std, confidence = np.empty((4, *shape), F4)
     status = np.empty(shape, np.uint8)
     rows, columns = planes.grid.nodes
-    expand(planes.d, planes.a, planes.b, verdict.std, verdict.log_odds, verdict.reason, rows,
-           columns, limits, F4(geometry.focal_baseline), F4(geometry.principal_offset), least_odds,
-           disparity, depth, std, confidence, status)
+    if beyond is None:
+        beyond = np.zeros(planes.grid.shape, bool)
+    expand(planes.d, planes.a, planes.b, verdict.std, verdict.log_odds, verdict.reason, beyond,
+           rows, columns, limits, F4(geometry.focal_baseline), F4(geometry.principal_offset),
+           least_odds, disparity, depth, std, confidence, status)
     return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
                        status=status, depth=depth)

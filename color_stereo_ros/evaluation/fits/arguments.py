@@ -6,6 +6,7 @@ MODELS = {
     'slow': 'offset of the log-odds under one sine and one sweep: odds_offset',
     'spread': 'standard deviation of a node: variance_factor and std_per_distance',
     'period': 'log-odds of the right period under 16 sines: shares and odds',
+    'third': 'log-odds of the projector as a third view, alone and beside two cameras',
 }
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core import make_pattern, PatternSettings, Settings
+from ..third_view import true_projector
 
 SCENES = ('solids', 'prism', 'casting', 'nut', 'printed', 'thin', 'corner', 'bin', 'airplane',
           'tilt_50', 'effector_bench', 'effector_bin', 'effector_nut', 'effector_thin',
@@ -32,6 +33,8 @@ class Pair:
     """bool (H, W), seen by both cameras and lit."""
     alone: np.ndarray
     """bool (H, W), seen by the left camera only."""
+    projector: object = None
+    """The exact ProjectorModel; None: not known."""
 
 
 def simulated(name, pattern=PatternSettings(), cache=None, seed=1, quick=False):
@@ -65,4 +68,5 @@ def simulated(name, pattern=PatternSettings(), cache=None, seed=1, quick=False):
         {'range.min_depth': near, 'range.max_depth': far})
     truth = rendering.truth
     return Pair(name, rendering.calibration, settings, rendering.left_rgb, rendering.right_rgb,
-                truth.disparity, truth.visible, truth.seen_by_left_only)
+                truth.disparity, truth.visible, truth.seen_by_left_only,
+                true_projector(scene.rig, (pattern.height, pattern.width)))

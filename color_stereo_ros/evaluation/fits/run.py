@@ -3,10 +3,11 @@
 
 from dataclasses import dataclass
 
-from . import pairs, period, slow, spread, trust
+from . import pairs, period, slow, spread, third, trust
 from .records import comparison, record, write_model
 
-FITS = {'trust': trust, 'slow': slow, 'spread': spread, 'period': period}
+FITS = {'trust': trust, 'slow': slow, 'spread': spread, 'period': period,
+        'third': third}
 
 
 @dataclass(frozen=True)

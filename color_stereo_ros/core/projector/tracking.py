@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The projector from pair to pair: carried, followed, found again."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .adjustment import (
+    adjust, carried_prior, free_prior, moved, robust_scale, State, to_parameters, to_unknowns)
+from .finding import Reason
+from .model import COUNT, ProjectorModel
+from .patches import chromatic, placed, sites
+from .tuning import TUNING
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What is known of the projector before the next pair; immutable."""
+
+    model: ProjectorModel | None = None
+    """None: no pair has shown it yet. Else that of the last pair that agreed."""
+    smoothing: float = float('nan')
+    """See `Finding.smoothing`."""
+    agreeing: bool = False
+    """Whether the last pair shows the projector where the model says."""
+    share: float = float('nan')
+    """Share of the patches of the last pair that were found near their predicted places."""
+    usual: float = float('nan')
+    """What this share is in pairs that agree: shadows and a cropped pattern lower it."""
+    shift: float = float('nan')
+    """Median distance of these patches from their predicted places, px of the pattern."""
+    reason: Reason | None = None
+    """What the last search has found; None: there was none."""
+    wait: int = 0
+    """Pairs that do not agree before the next search."""
+    tries: int = 0
+    """Searches without success since the projector was seen."""
+
+    @property
+    def due(self):
+        """Return whether a search may help: the projector is not where the model says."""
+        return not self.agreeing and self.wait == 0
+
+    def sentence(self):
+        """Return what people should know of the projector, as one sentence."""
+        if self.agreeing:
+            return self.model.sentence()
+        if self.reason not in (None, Reason.FOUND):
+            return self.reason.value
+        return 'projector not found yet' if self.model is None else (
+            'projector lost: it was moved, is dark, or shows something else')
+
+    def but(self, **changes):
+        """Return this track with some fields replaced."""
+        return replace(self, **changes)
+
+
+class ProjectorTracker:
+    """
+    Carries the geometry of the projector from pair to pair.
+
+    It holds no state of the pairs: a Track is given and returned.
+
+    Parameters
+    ----------
+    finder : ProjectorFinder
+
+    """
+
+    def __init__(self, finder):
+        """Keep the finder."""
+        self.finder = finder
+        self._smooth = None, None
+
+    def follow(self, track, measured):
+        """
+        Compare a pair with the geometry; takes about two milliseconds.
+
+        Parameters
+        ----------
+        track : Track
+        measured : Measured
+
+        Returns
+        -------
+        track : Track
+            Not `agreeing` where the pair does not show the projector at its place, or shows too
+            little. Its model is then that of the last pair that agreed.
+
+        """
+        if track.model is None or not np.isfinite(track.smoothing):
+            return missed(track)
+        tuning = TUNING.track
+        where = sites(measured, tuning.spacing)
+        where = where.every(len(where) // tuning.most_sites + 1)
+        if len(where) < tuning.least_patches:
+            return missed(track)
+        evidence, share, _ = placed(track.model, measured, self._colors(track.smoothing), where,
+                                    tuning.rounds)
+        usual = track.usual if np.isfinite(track.usual) else share
+        if len(evidence) < tuning.least_patches or share < tuning.least_share * usual:
+            return missed(track.but(share=share))
+        shift = apart_from(track.model, evidence)
+        if shift > max(tuning.bump, 2 * track.model.residual):
+            model = again(track.model, evidence)
+        else:
+            model = updated(track.model, evidence)
+        usual += tuning.learning * (share - usual)
+        return track.but(model=model, agreeing=True, share=share, usual=usual, shift=shift,
+                         wait=0, tries=0)
+
+    def search(self, track, measured, inside=None):
+        """
+        Search a pair from nothing; takes up to a second, of use where `track.due`.
+
+        Parameters
+        ----------
+        track : Track
+        measured : Measured
+        inside : numpy.ndarray, bool, shape (H, W), optional
+            Pixels of the left image to look at.
+
+        Returns
+        -------
+        track : Track
+
+        """
+        found = self.finder.find(measured, inside, track.model)
+        if found.model is None:
+            tries = track.tries + 1
+            return track.but(reason=found.reason, agreeing=False, tries=tries,
+                             wait=min(2 ** tries, TUNING.track.largest_wait))
+        return Track(found.model, found.smoothing, True, reason=found.reason)
+
+    def _colors(self, smoothing):
+        if self._smooth[0] != smoothing:
+            self._smooth = smoothing, chromatic(self.finder.pattern, smoothing)
+        return self._smooth[1]
+
+
+def missed(track):
+    """Return a track after a pair that does not show the projector at its place."""
+    return track.but(agreeing=False, wait=max(track.wait - 1, 0))
+
+
+def apart_from(model, evidence):
+    """Return the median distance of evidence from its predicted places, px of the pattern."""
+    error = np.column_stack(model.project(evidence.points)) - evidence.places
+    return float(np.median(np.hypot(*error.T)))
+
+
+def again(model, evidence):
+    """Return the geometry of a projector that has moved a little: its lens is the same."""
+    depth = float(np.median(evidence.points[:, 2]))
+    fresh = adjust(model, evidence, carried_prior(model, depth)).model
+    return fresh.but(covariance=TUNING.find.unmodeled ** 2 * fresh.covariance,
+                     residual=apart_from(fresh, evidence), color_map=model.color_map,
+                     color_quality=model.color_quality)
+
+
+def updated(model, evidence):
+    """
+    Return a model after the evidence of one more pair.
+
+    Covariance intersection: with weight w of what was known, 1 - w of the evidence,
+
+        information = w I_known + (1 - w) I_pair
+
+    This is honest however much the errors of the pairs are alike, as those of a scene at rest.
+
+    """
+    state = State.of(evidence, model)
+    width = robust_scale(state.residual)
+    normal, moment = state.equations(width, free_prior())
+    # the modes of the depth are eliminated: Schur complement
+    mixed, inner = normal[:COUNT, COUNT:], normal[COUNT:, COUNT:]
+    gain = np.linalg.solve(inner, np.column_stack([mixed.T, moment[COUNT:]]))
+    pair = normal[:COUNT, :COUNT] - mixed @ gain[:, :COUNT]
+    right = moment[:COUNT] - mixed @ gain[:, COUNT]
+    depth = float(np.median(evidence.points[:, 2]))
+    known = np.linalg.inv(drifted(to_unknowns(model), depth))
+    choices = [weight * known + (1 - weight) * pair for weight in TUNING.track.weights]
+    best = int(np.argmax([np.linalg.slogdet(each)[1] for each in choices]))
+    covariance = np.linalg.inv(choices[best])
+    fresh = moved(model, covariance @ ((1 - TUNING.track.weights[best]) * right))
+    convert = to_parameters(fresh)
+    return fresh.but(covariance=convert @ covariance @ convert.T, matches=len(evidence),
+                     residual=apart_from(fresh, evidence), color_map=model.color_map,
+                     color_quality=model.color_quality)
+
+
+def drifted(covariance, depth):
+    """Return the covariance of unknowns after one more pair."""
+    drift = TUNING.track.drift
+    return covariance + np.diag(np.square([drift] * 9 + [drift * depth] * 3))

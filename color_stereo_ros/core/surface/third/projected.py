@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a ProjectorModel says about one rig, and the pattern as the left camera blurs it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..grid_kernels import F4
+from .sweep import magnification, packed, places_per_disparity, straightened, sweep_matrix
+from .tuning import TUNING
+
+
+@dataclass(frozen=True, eq=False)
+class BlurredPattern:
+    """The light of the pattern under one blur, uint32 (H W,), see `sweep.packed`."""
+
+    image: np.ndarray
+    """As nodes see it."""
+    coarse_image: np.ndarray
+    """As coarse nodes see it."""
+
+
+class Projected:
+    """
+    A projector and its pattern, seen from the left camera.
+
+    Parameters
+    ----------
+    model : ProjectorModel
+    pattern : numpy.ndarray, uint8, shape (H, W, 3)
+        Linear light.
+    geometry : RectifiedGeometry
+    middle : float
+        A disparity that occurs, px.
+    variance : float
+        Of the point spread of a node, px^2 of the left image.
+    step : int
+        Pixels of the left image per coarse node.
+
+    Attributes
+    ----------
+    sweep : numpy.ndarray, float32, shape (3, 4)
+        See `sweep.sweep_matrix`.
+    size : numpy.ndarray, int64, shape (2,)
+        Height and width of the pattern, px.
+    scale : float
+        Pixels of the pattern that light one pixel of the left image.
+    per_disparity : float
+        How many pixels of the left image a disparity of 1 px moves the place.
+
+    """
+
+    def __init__(self, model, pattern, geometry, middle, variance, step):
+        """Compute what does not depend on a pair."""
+        self.model = model
+        sweep = sweep_matrix(model, geometry)
+        self.sweep = sweep.astype(F4)
+        self.scale = magnification(sweep, geometry, middle)
+        self.per_disparity = places_per_disparity(sweep, geometry, middle) / self.scale
+        self.light = straightened(pattern, model)
+        self.size = np.array(self.light.shape[:2])
+        self.variance, self.step = variance + TUNING.use.lens_variance, step
+        self.made = {}
+
+    def blurred(self, level):
+        """Return the BlurredPattern of an entry of `color.blurs`; made when first asked for."""
+        if level not in self.made:
+            variance = self.variance + TUNING.color.blurs[level] ** 2
+            wide = variance + (self.step / 4 * TUNING.search.blur) ** 2
+            self.made[level] = BlurredPattern(*(packed(cv2.GaussianBlur(
+                self.light, (0, 0), self.scale * float(np.sqrt(each))))
+                for each in (variance, wide)))
+        return self.made[level]
+
+    def inside(self, u, v):
+        """Return which places lie inside the pattern and not at its border, bool."""
+        height, width = self.size
+        margin = TUNING.color.margin
+        return ((u >= margin) & (v >= margin) & (u < width - 1 - margin)
+                & (v < height - 1 - margin))
+
+    def light_at(self, pattern, u, v):
+        """Return the light of a BlurredPattern at places, float32 (3, ...), NaN outside."""
+        image = pattern.image.view(np.uint8).reshape(*self.size, 4)
+        seen = cv2.remap(image, np.atleast_2d(u), np.atleast_2d(v), cv2.INTER_LINEAR)[..., :3]
+        light = np.moveaxis(seen, -1, 0).reshape(3, *u.shape) * F4(TUNING.sweep.unit)
+        return np.where(self.inside(u, v), light, F4(np.nan))

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The coarse search of the third view: semi-global, over disparities, on the left coarse grid."""
+
+import numpy as np
+
+from ...compiled import BANDS
+from ..coarse import Seeds
+from .sweep_kernels import (
+    cheapest_disparities, paths_along_columns, paths_along_rows, sum_windows, sweep_costs)
+from .tuning import TUNING
+
+F4 = np.float32
+I2 = np.int16
+
+
+class SweepSearch:
+    """
+    Searches the pattern for the nodes of the left image.
+
+    Parameters
+    ----------
+    coarse : CoarseSearch
+        Of the two cameras: its grid and its penalties are used.
+    limits : (float, float)
+        Smallest and largest disparity, px.
+    spacing : float
+        Between the disparities that are compared, px.
+    arena : Arena
+
+    """
+
+    def __init__(self, coarse, limits, spacing, arena):
+        """Allocate the volumes."""
+        self.coarse, self.spacing = coarse, spacing
+        h, w = coarse.disparity.shape
+        depth = 3 + int(np.ceil((limits[1] - limits[0]) / spacing))
+        self.first = float(limits[0]) - spacing
+        self.cost, self.summed, self.total = (arena.empty((h, w, depth), I2) for _ in range(3))
+        self.scratch = arena.empty((BANDS, w // BANDS + 2, depth + 2), I2)
+        self.best, self.gap = arena.empty((2, h, w), F4)
+
+    @property
+    def step(self):
+        """Return the pixels per coarse node."""
+        return 2 * self.coarse.factor
+
+    def search(self, image, size, colors, light, known, sweep):
+        """
+        Search one pair.
+
+        Parameters
+        ----------
+        image : numpy.ndarray, uint32, shape (H W,)
+            The pattern, blurred as coarse nodes see it, see `sweep.packed`.
+        size : numpy.ndarray, int64, shape (2,)
+            Its height and width, px.
+        colors : numpy.ndarray, float32, shape (3, 4)
+        light : numpy.ndarray, float32, shape (3, h, w)
+        known : numpy.ndarray, float32, shape (h, w)
+            Disparity that stereo knows, px; NaN = unknown.
+        sweep : numpy.ndarray, float32, shape (3, 4)
+            To the pixels of this image.
+
+        Returns
+        -------
+        seeds : Seeds
+            Without NaN.
+
+        """
+        tuning, coarse = TUNING.search, self.coarse
+        left = coarse.upright.left
+        cap, neutral = coarse.costs
+        center = F4((self.step - 1) / 2)
+        sweep_costs(left[0], left[1], left[3], image, size, colors, light,
+                    (known - F4(self.first)) / F4(self.spacing), sweep, center, F4(self.step),
+                    F4(self.first), F4(self.spacing), coarse.scale, cap, neutral,
+                    F4(tuning.known_slope * cap), self.cost)
+        sum_windows(self.cost, self.summed)
+        small, large = coarse.penalties
+        guard = I2(tuning.guard_cost)
+        paths_along_rows(self.summed, small, large, guard, self.total, self.scratch)
+        paths_along_columns(self.summed, small, large, guard, self.total, self.scratch)
+        cheapest_disparities(self.total, tuning.rival_distance, self.best, self.gap)
+        disparity = F4(self.first) + F4(self.spacing) * self.best
+        return Seeds(disparity / F4(self.step), coarse.factor, None, 0.0)

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where the pattern lights a node of the left image, as a function of the disparity.
+
+With the ray r = ((x - cx) / fx, (y - cy) / fy, 1) of a rectified left pixel and its distance
+Z = f B / (d - d0), the point is X = Z r. In the frame of the projector R X + t is proportional to
+
+    R r + t (d - d0) / (f B)
+
+which is linear in x, y and d. The projector needs no rectification: every disparity of the two
+cameras names one place of the pattern, along an epipolar line of any direction.
+
+"""
+
+import cv2
+import numpy as np
+
+from ...projector.adjustment import predicted, to_unknowns
+from .tuning import TUNING
+
+F4 = np.float32
+
+
+def sweep_matrix(model, geometry):
+    """
+    Return the matrix that takes (x, y, 1, d) to homogeneous pixels of the pattern.
+
+    Parameters
+    ----------
+    model : ProjectorModel
+        Its lens distortion is not part of the matrix, see `straightened`.
+    geometry : RectifiedGeometry
+
+    Returns
+    -------
+    sweep : numpy.ndarray, float64, shape (3, 4)
+
+    """
+    ray = np.array([[1 / geometry.focal_x, 0, -geometry.center_x_left / geometry.focal_x],
+                    [0, 1 / geometry.focal_y, -geometry.center_y / geometry.focal_y],
+                    [0, 0, 1]])
+    plane = model.camera_matrix @ model.rotation @ ray
+    shift = model.camera_matrix @ model.translation / geometry.focal_baseline
+    sweep = np.column_stack([plane, shift])
+    sweep[:, 2] -= shift * geometry.principal_offset
+    return sweep
+
+
+def places(sweep, x, y, d):
+    """Return column and row of the pattern, px, that light pixels (x, y) at disparities d."""
+    u, v, w = np.tensordot(sweep, np.stack(np.broadcast_arrays(x, y, 1.0, d)), axes=1)
+    w = np.where(w > 0, w, np.nan)
+    return u / w, v / w
+
+
+def straightened(pattern, model):
+    """
+    Return the pattern as a projector without distortion would have to show it.
+
+    Parameters
+    ----------
+    pattern : numpy.ndarray, shape (H, W, 3)
+    model : ProjectorModel
+
+    Returns
+    -------
+    pattern : numpy.ndarray, float32, shape (H, W, 3)
+        Linear light 0..1.
+
+    """
+    light = pattern.astype(F4)
+    if pattern.dtype == np.uint8:
+        light *= F4(TUNING.sweep.unit)
+    if not model.distortion:
+        return light
+    rows, columns = light.shape[:2]
+    pixels = np.stack([*np.meshgrid(np.arange(columns), np.arange(rows)),
+                       np.ones((rows, columns))], axis=-1)
+    rays = pixels @ np.linalg.inv(model.camera_matrix).T
+    stretch = 1 + model.distortion * (rays[..., :1] ** 2 + rays[..., 1:2] ** 2)
+    distorted = np.concatenate([stretch * rays[..., :2], rays[..., 2:]], axis=-1)
+    there = (distorted @ model.camera_matrix.T).astype(F4)
+    return cv2.remap(light, there[..., 0], there[..., 1], cv2.INTER_CUBIC,
+                     borderMode=cv2.BORDER_REPLICATE)
+
+
+def geometry_variance(model, geometry, d):
+    """
+    Return what the uncertainty of the projector does to a disparity over the image.
+
+    Parameters
+    ----------
+    model : ProjectorModel
+    geometry : RectifiedGeometry
+    d : float
+        px.
+
+    Returns
+    -------
+    variance : numpy.ndarray, float64, shape (h, w)
+        px^2, at places that divide the image evenly.
+
+    """
+    (w, h), least = TUNING.sweep.samples, TUNING.sweep.least_shift
+    if not model.covariance.any():
+        return np.zeros((h, w))
+    x, y = np.meshgrid((np.arange(w) + 0.5) * geometry.width / w - 0.5,
+                       (np.arange(h) + 0.5) * geometry.height / h - 0.5)
+    depth = geometry.focal_baseline / max(d - geometry.principal_offset, least)
+    points = depth * np.stack([(x - geometry.center_x_left) / geometry.focal_x,
+                               (y - geometry.center_y) / geometry.focal_y,
+                               np.ones_like(x)], axis=-1).reshape(-1, 3)
+    jacobian, along = predicted(model, points)[1:3]
+    # dZ = -Z^2 / (f B) dd
+    along = along * -depth ** 2 / geometry.focal_baseline
+    square = np.maximum(np.sum(along ** 2, axis=1), least)
+    gain = np.einsum('ni,nij->nj', along, jacobian) / square[:, None]
+    return np.einsum('ni,ij,nj->n', gain, to_unknowns(model), gain).reshape(h, w)
+
+
+def packed(light):
+    """Return light 0..1, float (H, W, 3), in the bytes of uint32 (H W,)."""
+    pixels = np.zeros((*light.shape[:2], 4), np.uint8)
+    pixels[..., :3] = np.rint(np.clip(light, 0, 1) / TUNING.sweep.unit)
+    return pixels.view(np.uint32).reshape(-1)
+
+
+def magnification(sweep, geometry, d):
+    """Return how many pixels of the pattern light one pixel in the middle of the left image."""
+    x, y = geometry.width / 2, geometry.height / 2
+    (u, v) = places(sweep, np.array([x, x + 1, x]), np.array([y, y, y + 1]), d)
+    across = np.array([[u[1] - u[0], u[2] - u[0]], [v[1] - v[0], v[2] - v[0]]])
+    return float(np.sqrt(abs(np.linalg.det(across))))
+
+
+def places_per_disparity(sweep, geometry, d):
+    """Return how many pixels of the pattern a disparity of 1 px moves the place, in the middle."""
+    u, v = places(sweep, geometry.width / 2, geometry.height / 2, np.array([d - 0.5, d + 0.5]))
+    return float(np.hypot(u[1] - u[0], v[1] - v[0]))

@@ -1,0 +1,478 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Kernels of the third view: nodes of the left image against the pattern.
+
+A node (column i, row j of the half grid) at a disparity d is lit by the place
+
+    (U, V, W) = sweep (x, y, 1, d),  x = 2 i + 0.5,  y = 2 j + 0.5;   u = U / W,  v = V / W
+
+of the pattern, px: the disparity of the two cameras stands for the distance. The right camera
+takes no part. Pattern images are uint32 (H W,): red, green and blue of the linear light of the
+projector in the three lowest bytes, so that a place costs four loads.
+
+"""
+
+import math
+
+import numpy as np
+
+from ...compiled import band, banded, LENGTH, part, serial, stack_integers, stack_row
+from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS, U4
+from .tuning import TUNING
+
+I2 = np.int16
+ROOT3 = F4(math.sqrt(3.0))
+# Constants of `tuning`, compiled into the kernels.
+LEAST_DEPTH = F4(TUNING.sweep.least_depth)
+FAR_OUTSIDE = F4(TUNING.sweep.far_outside)
+UNIT = F4(TUNING.sweep.unit)
+MARGIN = F4(TUNING.color.margin)
+LEAST_LIGHT = F4(TUNING.color.least_light)
+LARGEST = I2(32767)
+
+
+@part()
+def numbers(matrix):
+    """Return the twelve entries of a matrix (3, 4), a tuple: loops keep them in registers."""
+    return (matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[0, 3],
+            matrix[1, 0], matrix[1, 1], matrix[1, 2], matrix[1, 3],
+            matrix[2, 0], matrix[2, 1], matrix[2, 2], matrix[2, 3])
+
+
+@part(fastmath=FAST)
+def red_of(pixel):
+    """Return the red of a packed pixel, 0..255."""
+    return F4(I4(pixel & U4(255)))
+
+
+@part(fastmath=FAST)
+def green_of(pixel):
+    """Return the green of a packed pixel, 0..255."""
+    return F4(I4((pixel >> U4(8)) & U4(255)))
+
+
+@part(fastmath=FAST)
+def blue_of(pixel):
+    """Return the blue of a packed pixel, 0..255."""
+    return F4(I4((pixel >> U4(16)) & U4(255)))
+
+
+@part(fastmath=FAST)
+def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, color_v, slope_u,
+        slope_v):
+    """
+    Write the chromaticities that the left camera should see at some nodes, and their slopes.
+
+    Nodes lie at (xs[n], y) and have disparities ds[n]; red, blue and gray are their light. The
+    slopes are those against d. color_u is NaN where a place lies outside the pattern. The pattern
+    is interpolated linearly: it is blurred so far that this is off by 1 % of the contrast. m and c
+    are `numbers` of the sweep and of the map of the colors. Parts that return several numbers,
+    and stores to arrays that might overlap, would keep the loop from being vectorized.
+
+    """
+    height, width = size[0], I4(size[1])
+    last_u, last_v = F4(width - 1) - margin, F4(height - 1) - margin
+    one, two = F4(1), F4(2)
+    us, vs, gus, gvs = stack_row(), stack_row(), stack_row(), stack_row()
+    for n in range(count):
+        x, d = xs[n], ds[n]
+        depth = m[8] * x + m[9] * y + m[10] + m[11] * d
+        inverse = one / (depth if depth > LEAST_DEPTH else LEAST_DEPTH)
+        u = (m[0] * x + m[1] * y + m[2] + m[3] * d) * inverse
+        v = (m[4] * x + m[5] * y + m[6] + m[7] * d) * inverse
+        inside = ((depth > LEAST_DEPTH) & (u >= margin) & (v >= margin) & (u < last_u)
+                  & (v < last_v))
+        u, v = u if inside else F4(0), v if inside else F4(0)
+        du, dv = (m[3] - u * m[11]) * inverse, (m[7] - v * m[11]) * inverse
+        i, j = I4(u), I4(v)
+        s, t = u - F4(i), v - F4(j)
+        at = U4(j * width + i)
+        below = U4(at + width)
+        p0, p1 = flat[at], flat[U4(at + 1)]
+        p2, p3 = flat[below], flat[U4(below + 1)]
+        upper, lower = red_of(p1) - red_of(p0), red_of(p3) - red_of(p2)
+        top = red_of(p0) + s * upper
+        down = red_of(p2) + s * lower - top
+        p, dp = top + t * down, du * (upper + t * (lower - upper)) + dv * down
+        upper, lower = green_of(p1) - green_of(p0), green_of(p3) - green_of(p2)
+        top = green_of(p0) + s * upper
+        down = green_of(p2) + s * lower - top
+        q, dq = top + t * down, du * (upper + t * (lower - upper)) + dv * down
+        upper, lower = blue_of(p1) - blue_of(p0), blue_of(p3) - blue_of(p2)
+        top = blue_of(p0) + s * upper
+        down = blue_of(p2) + s * lower - top
+        o, do = top + t * down, du * (upper + t * (lower - upper)) + dv * down
+        p, q, o, dp, dq, do = UNIT * p, UNIT * q, UNIT * o, UNIT * dp, UNIT * dq, UNIT * do
+        r = red[n] * (c[0] * p + c[1] * q + c[2] * o + c[3])
+        g = c[4] * p + c[5] * q + c[6] * o + c[7]
+        b = blue[n] * (c[8] * p + c[9] * q + c[10] * o + c[11])
+        dr = red[n] * (c[0] * dp + c[1] * dq + c[2] * do)
+        dg = c[4] * dp + c[5] * dq + c[6] * do
+        db = blue[n] * (c[8] * dp + c[9] * dq + c[10] * do)
+        total = r + g + b
+        share = one / (total if total > LEAST_LIGHT else LEAST_LIGHT)
+        own_u, own_v = (two * r - g - b) * share, ROOT3 * (g - b) * share
+        change = dr + dg + db
+        us[n] = gray[n] * own_u if inside else NAN
+        vs[n] = gray[n] * own_v
+        gus[n] = gray[n] * (two * dr - dg - db - own_u * change) * share
+        gvs[n] = gray[n] * (ROOT3 * (dg - db) - own_v * change) * share
+    for n in range(count):
+        color_u[n] = us[n]
+        color_v[n] = vs[n]
+        slope_u[n] = gus[n]
+        slope_v[n] = gvs[n]
+
+
+@serial(fastmath=FAST)
+def places_of_nodes(sweep, d, step, out):
+    """Write column and row of the pattern, px, of every step-th node, float32 (2, h, w)."""
+    m = numbers(sweep)
+    for row in range(out.shape[1]):
+        for column in range(out.shape[2]):
+            x, y = F4(2 * step * column) + F4(0.5), F4(2 * step * row) + F4(0.5)
+            here = d[PAD + step * row, PAD + step * column]
+            depth = m[8] * x + m[9] * y + m[10] + m[11] * here
+            ahead = depth > LEAST_DEPTH
+            inverse = F4(1) / (depth if ahead else LEAST_DEPTH)
+            out[0, row, column] = (
+                (m[0] * x + m[1] * y + m[2] + m[3] * here) * inverse if ahead else FAR_OUTSIDE)
+            out[1, row, column] = (m[4] * x + m[5] * y + m[6] + m[7] * here) * inverse
+
+
+@part()
+def any_of(nodes):
+    """Return whether one of some nodes is True."""
+    for x in range(nodes.size):
+        if nodes[x]:
+            return True
+    return False
+
+
+@banded(fastmath=FAST)
+def linearize_sweep(k, left_u, left_v, left_var, flat, size, colors, light, unrest, sweep, d,
+                    tiles, region, robust_misfit, scale, phase, reference, weight, moment,
+                    misfit):
+    """
+    Compare the nodes of some tiles with the pattern, and linearize there; only those in region.
+
+    As `plane_kernels.linearize`; the pattern has no noise. The variance of a color is scale unrest
+    left_var + phase g.g. light, float32 (3, framed): red and blue against green, and the share of
+    the color that is left. A place outside the pattern: weight = moment = 0, misfit NaN. flat is
+    the pattern image of size (height, width).
+
+    """
+    one = F4(1)
+    m, c = numbers(sweep), numbers(colors)
+    weights, moments, misfits, xs = stack_row(), stack_row(), stack_row(), stack_row()
+    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
+    first, last = band(k, tiles.shape[0])
+    for tile in range(first, last):
+        top, left = tiles[tile, 0], tiles[tile, 1]
+        right = left + TILE_COLUMNS
+        for x in range(TILE_COLUMNS):
+            xs[x] = F4(2 * (left - PAD + x)) + F4(0.5)
+        for y in range(top, top + TILE_ROWS):
+            out_weight, out_moment = weight[y, left:right], moment[y, left:right]
+            out_misfit, wanted = misfit[y, left:right], region[y, left:right]
+            if not any_of(wanted):
+                out_weight[:] = F4(0)
+                out_moment[:] = F4(0)
+                out_misfit[:] = NAN
+                continue
+            own_u, own_v, noises = (left_u[y, left:right], left_v[y, left:right],
+                                    left_var[y, left:right])
+            rough, places = unrest[y, left:right], d[y, left:right]
+            see(flat, size, m, c, MARGIN, TILE_COLUMNS, xs, F4(2 * (y - PAD)) + F4(0.5), places,
+                light[0, y, left:right], light[1, y, left:right], light[2, y, left:right],
+                color_u, color_v, slope_u, slope_v)
+            for x in range(TILE_COLUMNS):
+                here, noise = places[x], noises[x]
+                known = (color_u[x] == color_u[x]) & (noise < SILENT_VARIANCE) & wanted[x]
+                error_u, error_v = own_u[x] - color_u[x], own_v[x] - color_v[x]
+                steep = slope_u[x] * slope_u[x] + slope_v[x] * slope_v[x]
+                w = one / (scale * rough[x] * noise + phase * steep)
+                chi = w * (error_u * error_u + error_v * error_v)
+                w = w / (one + chi / robust_misfit)
+                strength = w * steep
+                asked = (strength * (here - reference)
+                         + w * (slope_u[x] * error_u + slope_v[x] * error_v))
+                weights[x] = strength if known else F4(0)
+                moments[x] = asked if known else F4(0)
+                misfits[x] = chi if known else NAN
+            for x in range(TILE_COLUMNS):
+                out_weight[x] = weights[x]
+                out_moment[x] = moments[x]
+                out_misfit[x] = misfits[x]
+
+
+@banded(fastmath=FAST)
+def sweep_misfits(k, left_u, left_v, left_var, flat, size, colors, light, unrest, sweep, d, a, b,
+                  step_y, step_x, tiles, region, scale, phase, cap, out):
+    """
+    Write the misfit of every node of some tiles under the plane of the node (step_y, step_x) away.
+
+    At most cap, which also stands for what is unknown or not in region.
+
+    """
+    m, c = numbers(sweep), numbers(colors)
+    misfits, xs, places = stack_row(), stack_row(), stack_row()
+    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
+    first, last = band(k, tiles.shape[0])
+    for tile in range(first, last):
+        top, left = tiles[tile, 0], tiles[tile, 1]
+        right, begin = left + TILE_COLUMNS, left + step_x
+        stop = begin + TILE_COLUMNS
+        for x in range(TILE_COLUMNS):
+            xs[x] = F4(2 * (left - PAD + x)) + F4(0.5)
+        for y in range(top, top + TILE_ROWS):
+            out_misfit, wanted = out[y, left:right], region[y, left:right]
+            if not any_of(wanted):
+                out_misfit[:] = cap
+                continue
+            own_u, own_v, noises = (left_u[y, left:right], left_v[y, left:right],
+                                    left_var[y, left:right])
+            rough, there = unrest[y, left:right], y + step_y
+            dd, aa, bb = d[there, begin:stop], a[there, begin:stop], b[there, begin:stop]
+            for x in range(TILE_COLUMNS):
+                places[x] = dd[x] - aa[x] * F4(step_x) - bb[x] * F4(step_y)
+            see(flat, size, m, c, MARGIN, TILE_COLUMNS, xs, F4(2 * (y - PAD)) + F4(0.5), places,
+                light[0, y, left:right], light[1, y, left:right], light[2, y, left:right],
+                color_u, color_v, slope_u, slope_v)
+            for x in range(TILE_COLUMNS):
+                known = (color_u[x] == color_u[x]) & (noises[x] < SILENT_VARIANCE) & wanted[x]
+                error_u, error_v = own_u[x] - color_u[x], own_v[x] - color_v[x]
+                steep = slope_u[x] * slope_u[x] + slope_v[x] * slope_v[x]
+                chi = (error_u * error_u + error_v * error_v) / (
+                    scale * rough[x] * noises[x] + phase * steep)
+                chi = chi if chi < cap else cap
+                misfits[x] = chi if known else cap
+            for x in range(TILE_COLUMNS):
+                out_misfit[x] = misfits[x]
+
+
+@banded(fastmath=FAST)
+def take_better(k, d, a, b, step_y, step_x, tiles, cost, best, new_d, new_a, new_b):
+    """Take the planes of the nodes (step_y, step_x) away where their cost is below best."""
+    first, last = band(k, tiles.shape[0])
+    for tile in range(first, last):
+        top, left = tiles[tile, 0], tiles[tile, 1]
+        for y in range(top, top + TILE_ROWS):
+            for x in range(left, left + TILE_COLUMNS):
+                there_y, there_x = y + step_y, x + step_x
+                here = (d[there_y, there_x] - a[there_y, there_x] * F4(step_x)
+                        - b[there_y, there_x] * F4(step_y))
+                if (cost[y, x] < best[y, x]) & (here == here):
+                    best[y, x] = cost[y, x]
+                    new_d[y, x] = here
+                    new_a[y, x] = a[there_y, there_x]
+                    new_b[y, x] = b[there_y, there_x]
+
+
+@banded(fastmath=FAST)
+def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, sweep, offset, step,
+                first_disparity, spacing, scale, cap, neutral, slope, cost):
+    """
+    Fill a volume, int16 (h, w, D), with the costs of the coarse nodes.
+
+    Node (j, i) lies at x = offset + step i. The disparity of index n is first_disparity + n
+    spacing, px. left_u, left_v int16, in units of 1 / scale; trust int16 0..16. known, float32
+    (h, w): the index where two cameras know the disparity, NaN elsewhere; there the cost rises by
+    slope for each index away from it.
+
+    """
+    rows, columns, depth = cost.shape
+    first, last = band(k, rows)
+    full = F4(cap)
+    m, c = numbers(sweep), numbers(colors)
+    some, xs, ds = stack_integers(), stack_row(), stack_row()
+    red, blue, gray = stack_row(), stack_row(), stack_row()
+    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
+    for row in range(first, last):
+        for column in range(columns):
+            out = cost[row, column]
+            if known[row, column] == known[row, column]:
+                for n in range(depth):
+                    away = slope * abs(F4(n) - known[row, column])
+                    out[n] = I2(away if away < full else full)
+                continue
+            w = I2(trust[row, column])
+            if w == 0:
+                for n in range(depth):
+                    out[n] = neutral
+                continue
+            own_u, own_v = F4(left_u[row, column]), F4(left_v[row, column])
+            for n in range(LENGTH):
+                xs[n] = offset + step * F4(column)
+                red[n], blue[n] = light[0, row, column], light[1, row, column]
+                gray[n] = light[2, row, column] * scale
+            for start in range(0, depth, LENGTH):
+                count = min(LENGTH, depth - start)
+                for n in range(count):
+                    ds[n] = first_disparity + F4(start + n) * spacing
+                see(flat, size, m, c, F4(0), count, xs, offset + step * F4(row), ds, red, blue,
+                    gray, color_u, color_v, slope_u, slope_v)
+                for n in range(count):
+                    away = abs(own_u - color_u[n]) + abs(own_v - color_v[n])
+                    away = away if away < full else full
+                    some[n] = I2(neutral + (I2(I2(I2(away) - neutral) * w) >> I2(4)))
+                for n in range(count):
+                    out[start + n] = some[n]
+
+
+@banded()
+def sum_windows(k, cost, out):
+    """Sum a volume, int16 (h, w, D), over 3 x 3 nodes with weights 1, 2, 1, halved; sum 8."""
+    rows, columns, depth = cost.shape
+    first, last = band(k, rows)
+    for y in range(first, last):
+        above, below = max(y - 1, 0), min(y + 1, rows - 1)
+        for x in range(columns):
+            left, right = max(x - 1, 0), min(x + 1, columns - 1)
+            total = out[y, x]
+            a, b, c = cost[above, left], cost[above, x], cost[above, right]
+            d, e, f = cost[y, left], cost[y, x], cost[y, right]
+            g, h, i = cost[below, left], cost[below, x], cost[below, right]
+            for n in range(depth):
+                corners = I2(I2(a[n] + c[n]) + I2(g[n] + i[n]))
+                sides = I2(I2(b[n] + d[n]) + I2(f[n] + h[n]))
+                total[n] = I2((I4(corners) + I4(2) * I4(sides) + I4(4) * I4(e[n])) >> I4(1))
+
+
+@part()
+def follow(cost, path, small, large, total, add):
+    """
+    Go one step along a semi-global path, for all disparities of a node.
+
+    path, int16 (D + 2), holds the costs of the last node less their lowest between two guards; it
+    takes those of this one. Returns the lowest cost.
+
+    """
+    depth = cost.size
+    before = path[0]
+    least = LARGEST
+    for n in range(depth):
+        here, after = path[n + 1], path[n + 2]
+        step = min(min(here, I2(min(before, after) + small)), large)
+        before = here
+        value = I2(cost[n] + step)
+        total[n] = I2(total[n] + value) if add else value
+        path[n + 1] = value
+        least = min(least, value)
+    for n in range(depth):
+        path[n + 1] = I2(path[n + 1] - least)
+    return least
+
+
+@banded()
+def paths_along_rows(k, cost, small, large, guard, total, scratch):
+    """Write the costs of the paths from the left and from the right; volumes int16 (h, w, D)."""
+    rows, columns, depth = cost.shape
+    first, last = band(k, rows)
+    path = scratch[k, 0]
+    for y in range(first, last):
+        for backwards in range(2):
+            path[:depth + 2] = I2(0)
+            path[0] = guard
+            path[depth + 1] = guard
+            for n in range(columns):
+                x = columns - 1 - n if backwards else n
+                follow(cost[y, x], path[:depth + 2], small, large, total[y, x], backwards == 1)
+
+
+@banded()
+def paths_along_columns(k, cost, small, large, guard, total, scratch):
+    """Add the costs of the paths from above and from below; volumes int16 (h, w, D)."""
+    rows, columns, depth = cost.shape
+    first, last = band(k, columns)
+    for backwards in range(2):
+        for x in range(first, last):
+            path = scratch[k, x - first]
+            path[:depth + 2] = I2(0)
+            path[0] = guard
+            path[depth + 1] = guard
+        for n in range(rows):
+            y = rows - 1 - n if backwards else n
+            for x in range(first, last):
+                follow(cost[y, x], scratch[k, x - first, :depth + 2], small, large, total[y, x],
+                       True)
+
+
+@banded()
+def cheapest_disparities(k, total, distance, best, gap):
+    """
+    Write the index of the lowest cost of every node, refined by a V, and the gap to a rival.
+
+    A rival is more than `distance` indices away.
+
+    """
+    rows, columns, depth = total.shape
+    first, last = band(k, rows)
+    for y in range(first, last):
+        for x in range(columns):
+            costs = total[y, x]
+            at, least = 0, I4(LARGEST)
+            for n in range(depth):
+                if costs[n] < least:
+                    least = I4(costs[n])
+                    at = n
+            rival = I4(LARGEST)
+            for n in range(depth):
+                if abs(n - at) > distance:
+                    rival = min(rival, I4(costs[n]))
+            place = F4(at)
+            if 0 < at < depth - 1:
+                before, after = I4(costs[at - 1]), I4(costs[at + 1])
+                rise = max(before, after) - least
+                if rise > 0:
+                    place += F4(0.5) * F4(before - after) / F4(rise)
+            best[y, x] = place
+            gap[y, x] = F4(rival - least)
+
+
+@serial()
+def claim_places(d, odds, places, cell, best, owner):
+    """
+    Let every node claim the place of the pattern that lights it; the one of the best odds gets it.
+
+    d, odds are float32 (rows, columns), places float32 (2, rows, columns), px. best, float32 (h,
+    w), takes the odds and owner, float32 (h, w), the disparity of the node that gets a cell of
+    `cell` pixels of the pattern; -inf and NaN where nobody claims it.
+
+    """
+    best[:] = -F4(np.inf)
+    owner[:] = NAN
+    height, width = best.shape
+    rows, columns = odds.shape
+    for row in range(rows):
+        for column in range(columns):
+            u, v = places[0, row, column], places[1, row, column]
+            if (u >= F4(0)) & (v >= F4(0)):
+                i, j = I4(u / cell), I4(v / cell)
+                if (i < width) & (j < height):
+                    if odds[row, column] > best[j, i]:
+                        best[j, i] = odds[row, column]
+                        owner[j, i] = d[row, column]
+
+
+@banded()
+def find_contested(k, d, places, cell, distance, best, owner, contested):
+    """
+    Write the odds of another surface that claims the same place of the pattern, at least 0.
+
+    Another surface differs by more than `distance`, px, in disparity. contested is float32 (rows,
+    columns).
+
+    """
+    height, width = best.shape
+    rows, columns = contested.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        for column in range(columns):
+            u, v = places[0, row, column], places[1, row, column]
+            contested[row, column] = F4(0)
+            if (u >= F4(0)) & (v >= F4(0)):
+                i, j = I4(u / cell), I4(v / cell)
+                if (i < width) & (j < height):
+                    if abs(owner[j, i] - d[row, column]) > distance:
+                        contested[row, column] = max(best[j, i], F4(0))

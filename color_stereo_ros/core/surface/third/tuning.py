@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All constants of the third view: value, unit, reason and provenance of each."""
+
+from dataclasses import dataclass
+
+from ...constants import chosen, constant, Constants, derived
+from ..fitted import load_model
+
+THIRD = load_model('third')
+
+
+@dataclass(frozen=True)
+class SweepTuning(Constants):
+    """From nodes of the left image to places of the pattern."""
+
+    least_depth: float = constant(
+        1e-6, 'm', 'Nearest distance from the projector, per distance from the left camera.',
+        derived('Prevents division by 0; behind the projector there is no light.'),
+        compiled=True)
+    far_outside: float = constant(
+        -1e6, 'px', 'Place of what lies behind the projector.',
+        derived('Outside any pattern.'), compiled=True)
+    unit: float = constant(
+        1 / 255, '1', 'Light per step of a packed pixel.', derived('A byte for each channel.'),
+        compiled=True)
+    samples: tuple = constant(
+        (12, 9), '1', 'Places across and down where the uncertainty of the projector is computed.',
+        chosen('It changes slowly over the image.'))
+    least_shift: float = constant(
+        1e-3, 'px', 'Smallest disparity against infinity, and smallest movement of the place.',
+        derived('Prevents division by 0.'))
+
+
+@dataclass(frozen=True)
+class ColorTuning(Constants):
+    """What the left camera sees of the pattern."""
+
+    margin: float = constant(
+        2.0, 'px', 'Border of the pattern that lights nothing reliably.',
+        derived('Two deviations of the blur of a sharp lens.'), compiled=True)
+    least_light: float = constant(
+        1e-6, '1', 'Smallest sum of the channels of the pattern.',
+        derived('Prevents division by 0; a white pixel has 3.'), compiled=True)
+    samples: int = constant(
+        1500, '1', 'Nodes from which the map of the colors is fitted, at most.',
+        chosen('Twelve numbers are known to a hundredth; more take more time.'))
+    blurs: tuple = constant(
+        (0.0, 1.0, 1.7, 2.5, 3.5), 'px', 'Further blur of the left view that the pattern is '
+        'given, standard deviation.',
+        chosen('Lenses out of focus, projectors out of focus, subsampled chroma.'))
+    sharp: float = constant(
+        0.985, '1', 'Share of the spread of the colors from which no further blur is tried.',
+        chosen('Sharp views of gray surfaces: .99.'))
+    least_samples: int = constant(
+        300, '1', 'Known nodes below which the third view takes no part.',
+        chosen('Less than .5 % of the nodes of a VGA pair say nothing about all others.'))
+    turns: int = constant(
+        3, '1', 'Rounds of reweighting of the map of the colors.',
+        chosen('The fourth changes less than a thousandth.'))
+    robust: float = constant(
+        4.0, '1', 'Squared error at which a node has half of its weight, medians.',
+        chosen('Colored surfaces must not decide what white ones look like.'))
+    color_prior: float = constant(
+        1e-4, '1', 'Hold of the map of the colors towards equal channels, share of the evidence.',
+        chosen('The sum of the channels of the default pattern is constant: the offset alone '
+               'would not be determined.'))
+    least_error: float = constant(
+        1e-12, '1', 'Smallest squared error of a color.', derived('Prevents division by 0.'))
+    least_total: float = constant(
+        0.02, '1', 'Smallest brightness of the predicted color, white = 3.',
+        derived('Prevents division by 0.'))
+    radii: tuple = constant(
+        (24, 6, 2), 'coarse nodes', 'Radii of the windows from which local colors are measured.',
+        chosen('A material, a part, a print; each holds where the next one knows nothing.'))
+    holds: tuple = constant(
+        (2.0, 4.0, 8.0), '1', 'Hold of the local colors towards those of the larger window.',
+        chosen('A node of usual noise weighs 400 times its share of a window.'))
+    robust_misfit: float = constant(
+        9.0, '1', 'Squared error over variance at which a node has half of its weight.',
+        derived('As `planes.robust_misfit`.'))
+    change_limits: tuple = constant(
+        ((-2.5, 2.5), (-2.5, 2.5), (-1.5, 0.2)), '1', 'Limits of the logarithms of red against '
+        'green, blue against green, and of the share of the color.',
+        chosen('A surface that returns less than a twelfth of a channel is no match.'))
+    quartile: float = constant(
+        0.575, '1', 'First quartile of the misfit of true matches under known noise.',
+        derived('Chi-square with two degrees of freedom: 2 ln(4 / 3).'))
+    least_scale: float = constant(
+        0.2, '1', 'Smallest factor of the variance of the colors.',
+        chosen('The pattern has no noise: a good camera gives .25.'))
+    least_share: float = constant(
+        0.02, '1', 'Share of known nodes in a window from which they tell something.',
+        chosen('A few nodes are chance.'))
+    unrest_radius: int = constant(
+        4, 'coarse nodes', 'Radius of the windows over which the error of the colors is averaged.',
+        chosen('A surface with print has it everywhere.'))
+    unrest_limit: float = constant(
+        60.0, '1', 'Largest factor of the variance.', chosen('Beyond, nothing is told.'))
+
+
+@dataclass(frozen=True)
+class SearchTuning(Constants):
+    """The coarse search over all disparities."""
+
+    guard_cost: int = constant(
+        8000, 'cost of 8 nodes', 'Path cost that loses against any other and leaves room to add.',
+        derived('As `coarse.guard_cost`.'))
+    known_slope: float = constant(
+        0.25, 'cost_cap', 'Cost of a known node per disparity away from what stereo knows.',
+        chosen('Four steps away cost as much as a color that is quite different.'))
+    rival_distance: int = constant(
+        3, 'steps', 'Distance from which another disparity is a rival.',
+        derived('As `repetition.rival_distance`.'))
+    blur: float = constant(
+        1.15, 'px', 'Standard deviation of the mean over a coarse node of 4 px.',
+        derived('4 / 12^.5.'))
+    least_ratio: float = constant(
+        0.1, '1', 'Smallest movement of the place per disparity with which the search counts.',
+        derived('A projector beside the left camera tells no distance.'))
+    spacing: float = constant(
+        1.25, 'coarse nodes', 'How far neighbors of the compared disparities move the place.',
+        chosen('Colors at places between two of them are close to one of both.'))
+
+
+@dataclass(frozen=True)
+class UseTuning(Constants):
+    """When the third view takes part, and where."""
+
+    firm_odds: float = constant(
+        2.2, '1', 'Log-odds from which a disparity of the two cameras is known.',
+        derived('A probability of .9.'))
+    firm_misfit: float = constant(
+        9.0, '1', 'Mean misfit of 3 x 3 nodes up to which the third view agrees.',
+        chosen('2 on average where a plane is right; 5 % of the right ones exceed 9, beside edges '
+               'and on print.'))
+    least_agreement: float = constant(
+        0.5, '1', 'Share of the known nodes that must agree, or the third view takes no part.',
+        chosen('A pattern that is not the one shown agrees nowhere.'))
+    least_explained: float = constant(
+        0.6, '1', 'Share of the spread of the colors that the pattern must explain.',
+        chosen('The right pattern explains .9 and more of gray and colored surfaces, a wrong one '
+               'nothing.'))
+    reach: int = constant(
+        4, 'nodes', 'How far around nodes without a certain range the third view measures.',
+        derived('Half of the window of a plane.'))
+    lens_variance: float = constant(
+        0.35, 'px^2', 'Variance of the point spread of lens and projector together.',
+        derived('.5 px of a good lens, and .4 px of the projector at 1.7 px per pixel.'))
+    phase_variance: float = constant(
+        0.04, 'px^2', 'Variance of the place of a color in the left image.',
+        derived('As `pair.phase_variance`.'))
+    misfit_cap: float = constant(
+        60.0, '1', 'Largest misfit of one node.', derived('As `neighbors.misfit_cap`.'))
+    alone_rounds: int = constant(
+        2, '1', 'Rounds of search and fit without the right camera.',
+        chosen('The first one tells the colors.'))
+    variance_cap: float = constant(
+        4.0, 'px^2', 'Largest variance that counts as evidence.', derived('Nothing is told.'))
+    distance_cap: float = constant(
+        2.0, 'px', 'Largest distance of a neighbor that counts as evidence.',
+        derived('As `trust.distance_cap`.'))
+    odds_limits: tuple = constant(
+        (-8.0, 14.0), '1', 'Limits of the log-odds that are weighed against each other.',
+        chosen('Below, a plane is wrong for certain.'))
+    agreement: float = constant(
+        1.0, 'px', 'Difference of two planes up to which they agree.',
+        derived('What is right means.'))
+    cell: float = constant(
+        1.0, 'nodes', 'Size of the places of the pattern that only one surface can claim.',
+        derived('Neighbors on one surface are one node apart.'))
+    contest_distance: float = constant(
+        2.0, 'px', 'Difference of disparity from which two nodes are different surfaces.',
+        chosen('A surface changes by less from node to node.'))
+    most_dim: float = constant(
+        5.0, '1', 'Largest logarithm of how much brighter the surroundings are.',
+        chosen('A hundredth of the light is none.'))
+    dim_radius: int = constant(
+        12, 'coarse nodes', 'Radius of the surroundings with which brightness is compared.',
+        chosen('Wider than most shadows.'))
+    kept_odds: float = constant(
+        0.0, '1', 'Log-odds from which the plane of the two cameras is kept where both agree.',
+        chosen('The right camera is nearer to the left one in color than the pattern.'))
+    variance_factor: float = constant(
+        2.0, '1', 'Factor of the variance of a plane of the third view.',
+        chosen('Neighbors share noise.'))
+    steps: tuple = constant(
+        ((6,), (2,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
+        chosen('Two rounds, from far to near.'))
+    robust_misfit: float = constant(
+        9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',
+        derived('As `planes.robust_misfit`.'))
+
+
+@dataclass(frozen=True)
+class OddsTuning(Constants):
+    """Log-odds of being right within 1 px; all forms are upper triangular, see `fusion`."""
+
+    form: tuple = constant(
+        THIRD['form'], '1', 'Form of one and the evidence of a plane of the third view.',
+        THIRD.provenance('form'))
+    agree: tuple = constant(
+        THIRD['agree'], '1', 'Form of the plane of two cameras where the third view has the same.',
+        THIRD.provenance('agree'))
+    two_apart: tuple = constant(
+        THIRD['two_apart'], '1', 'Form of the plane of two cameras where the third view has '
+        'another one.', THIRD.provenance('two_apart'))
+    third_apart: tuple = constant(
+        THIRD['third_apart'], '1', 'Form of the plane of the third view there.',
+        THIRD.provenance('third_apart'))
+    firm: tuple = constant(
+        THIRD['firm'], '1', 'Form of the plane of two cameras where the third view only bears '
+        'witness.', THIRD.provenance('firm'))
+
+
+@dataclass(frozen=True)
+class ThirdTuning(Constants):
+    """All groups."""
+
+    sweep: SweepTuning = SweepTuning()
+    color: ColorTuning = ColorTuning()
+    search: SearchTuning = SearchTuning()
+    use: UseTuning = UseTuning()
+    odds: OddsTuning = OddsTuning()
+
+
+TUNING = ThirdTuning()

@@ -1,0 +1,380 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pattern as a view: measures where the right camera sees nothing, and bears witness."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...compiled import Arena
+from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
+from ..pair_model import PairModel
+from ..planes import LeastSquares, PlaneField
+from .colors import explained, fitted_colors, Light, local_light
+from .fusion import Fusion
+from .projected import Projected
+from .search import SweepSearch
+from .sweep import geometry_variance
+from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
+from .tuning import TUNING
+
+NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the third view makes of a pair; framed arrays of the nodes."""
+
+    planes: PlaneField
+    """Of the third view; tiles that need none keep those of the two cameras."""
+    firm: np.ndarray
+    """bool, the two cameras know the place and the third view agrees."""
+    witness: np.ndarray
+    """float32, mean misfit of the third view around a node at the place of the two cameras."""
+    treated: np.ndarray
+    """bool, planes hold a measurement of the third view."""
+    around: np.ndarray
+    """float32, mean misfit of the third view around a node at its own plane."""
+    std: np.ndarray
+    """float32, standard deviation of the disparities of the third view, px."""
+    dim: np.ndarray
+    """float32 (rows, columns), log of how much brighter the known surroundings are, 0 .. 5."""
+    projected: Projected
+
+
+class ThirdView:
+    """
+    Measures with left camera and projector.
+
+    Parameters
+    ----------
+    method : SurfaceMethod
+        Whose grid, limits, coarse search and settings are shared.
+    arena : Arena
+
+    """
+
+    def __init__(self, method, arena):
+        """Allocate the planes."""
+        self.views, self.geometry, self.limits = method.views, method.geometry, method.limits
+        self.coarse, self.settings = method.coarse, method.settings
+        grid = self.grid = method.views.grid
+        self.arena = arena
+        self.planes = PlaneField(grid, method.tuning.coarse.seed_variance, True, arena)
+        self.seen = PlaneField(grid, method.tuning.coarse.seed_variance, True, arena)
+        self.solver = LeastSquares(grid, method.limits, method.settings.matching,
+                                   method.tuning.planes, arena)
+        self.witness_solver = LeastSquares(grid, method.limits, method.settings.matching,
+                                           method.tuning.planes, arena)
+        self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
+        self.everywhere = np.ones(grid.shape, bool)
+        self.projected = self.search = self.found = self.last_light = None
+        self.fusion = Fusion(grid)
+
+    def adopt(self, model, pattern):
+        """
+        Measure with a projector from here on.
+
+        Parameters
+        ----------
+        model : ProjectorModel or None
+        pattern : numpy.ndarray, uint8, shape (H, W, 3)
+            Linear light.
+
+        """
+        if model is None:
+            self.projected = None
+            return
+        known = self.views.left.psf_variance
+        variance = float(np.nanmedian(known)) if np.isfinite(known).any() else 0.0
+        step = 2 * self.coarse.factor
+        self.projected = Projected(model, pattern, self.geometry, float(np.mean(self.limits)),
+                                   variance, step)
+        spacing = TUNING.search.spacing * step / max(self.projected.per_disparity,
+                                                     TUNING.search.least_ratio)
+        self.search = SweepSearch(self.coarse, self.limits, float(spacing), Arena())
+        self.last_light = None
+
+    def measure(self, planes, verdict, linearized, pair):
+        """
+        Measure the pair that the views hold.
+
+        Parameters
+        ----------
+        planes : PlaneField
+            Of the two cameras.
+        verdict : Verdict
+            Of the two cameras.
+        linearized : Linearized
+            Of the two cameras, at about these planes.
+        pair : PairModel
+
+        Returns
+        -------
+        found : Found or None
+            None: the pattern does not explain what the left camera sees.
+
+        """
+        use, inner = TUNING.use, self.grid.inner
+        known = verdict.log_odds[inner] > F4(use.firm_odds)
+        light = self.light(planes, known)
+        if light is None:
+            return None
+        self.linearize(self.witness_solver, planes, light, self.grid.tiles, self.everywhere,
+                       self.seen.misfit)
+        witness = self.around(self.seen.misfit)
+        firm = np.zeros(self.grid.shape, bool)
+        firm[inner] = known & (witness[inner] < F4(use.firm_misfit))
+        if np.count_nonzero(firm) < use.least_agreement * np.count_nonzero(known):
+            return None
+        lit = np.zeros(self.grid.shape, bool)
+        left = self.views.left
+        lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
+        region = self.region_of(lit & ~firm)
+        self.fill(planes, firm, light, linearized, pair, region)
+        return Found(self.planes, firm, witness, region & lit,
+                     self.around(self.planes.misfit), self.std(), self.dim(firm),
+                     self.projected)
+
+    def fused(self, planes, verdict, linearized, pair):
+        """Return the Fused of two cameras and the pattern, None where it explains nothing."""
+        found = self.found = self.measure(planes, verdict, linearized, pair)
+        return None if found is None else self.fusion.fuse(found, verdict, planes)
+
+    def neutral_light(self):
+        """Return the Light of a camera that sees the pattern on white surfaces."""
+        shape = self.grid.shape
+        self.coarse_light = np.ones((3, *self.coarse.disparity.shape), F4)
+        return Light(self.projected.blurred(0), np.eye(3, 4, dtype=F4),
+                     np.ones((3, *shape), F4), np.ones(shape, F4), F4(1))
+
+    def warm(self, planes, verdict):
+        """
+        Run all kernels once, so that the first pair with a projector is not late.
+
+        Parameters
+        ----------
+        planes : PlaneField
+            Of the two cameras; not changed.
+        verdict : Verdict
+
+        """
+        nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
+        self.linearize(self.witness_solver, planes, light, self.grid.tiles[:1], nothing,
+                       self.seen.misfit)
+        self.fill(planes, nothing, light, self.solver.linearized, PairModel.neutral(self.views),
+                  nothing)
+        around = self.around(self.planes.misfit)
+        self.fusion.fuse(Found(self.planes, nothing, around, nothing, around, self.std(),
+                               self.dim(nothing), self.projected), verdict, planes)
+
+    def dim(self, firm):
+        """Return the log of how much brighter firm nodes around are, float32 (rows, columns)."""
+        f, (h, w) = self.coarse.factor, self.coarse.disparity.shape
+        thin = np.s_[:h * f:f, :w * f:f]
+        level = np.log(np.maximum(self.views.left.s[self.grid.inner], F4(1)))
+        known = firm[self.grid.inner][thin].astype(F4)
+        size = (2 * TUNING.use.dim_radius + 1,) * 2
+        share = cv2.blur(known, size, borderType=cv2.BORDER_CONSTANT)
+        wide = cv2.blur(level[thin] * known, size, borderType=cv2.BORDER_CONSTANT)
+        overall = np.sum(level[thin] * known) / max(np.sum(known), 1)
+        hold = F4(TUNING.color.least_share)
+        usual = (wide + hold * F4(overall)) / (share + hold)
+        return np.clip(cv2.resize(usual, self.grid.nodes[::-1]) - level, 0,
+                       TUNING.use.most_dim).astype(F4)
+
+    def std(self):
+        """Return the standard deviations of the planes of the third view, px, float32 framed."""
+        variance = F4(TUNING.use.variance_factor) * self.planes.variance
+        d = self.planes.d[self.grid.inner]
+        middle = float(np.nanmedian(d)) if np.isfinite(d).any() else float(np.mean(self.limits))
+        variance[self.grid.inner] += cv2.resize(
+            geometry_variance(self.projected.model, self.geometry, middle).astype(F4),
+            self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
+        return np.sqrt(variance)
+
+    def measure_alone(self, pair):
+        """
+        Measure the left view with the pattern, without the right camera.
+
+        Parameters
+        ----------
+        pair : PairModel
+
+        Returns
+        -------
+        fused : Fused
+
+        """
+        left, coarse, grid = self.views.left, self.coarse, self.grid
+        coarse.fill_colors(left, self.views.right)
+        light = self.neutral_light() if self.last_light is None else self.last_light
+        lit = np.zeros(grid.shape, bool)
+        lit[grid.inner] = ((left.variance[grid.inner] < SILENT_VARIANCE)
+                           & (left.s[grid.inner] > F4(1)))
+        nothing = np.zeros(grid.shape, bool)
+        for _ in range(TUNING.use.alone_rounds):
+            self.fill(self.planes, nothing, light, self.solver.linearized, pair, lit)
+            around = self.around(self.planes.misfit)
+            odds = self.fusion.own_odds(self.planes, around)
+            better = self.light(self.planes, odds > F4(TUNING.use.firm_odds))
+            light = light if better is None else better
+        return self.fusion.alone(self.planes, odds, self.std(), lit, left)
+
+    def light(self, planes, known):
+        """Return the Light that the known nodes show, None where there are too few."""
+        tuning, inner, left = TUNING.color, self.grid.inner, self.views.left
+        step = self.coarse.factor
+        shape = self.coarse.disparity.shape
+        place = np.empty((2, *shape), F4)
+        places_of_nodes(self.projected.sweep, planes.d, step, place)
+        thin = np.s_[:shape[0] * step:step, :shape[1] * step:step]
+        u, v, variance = (each[inner][thin] for each in (left.u, left.v, left.variance))
+        used = known[thin] & self.projected.inside(*place) & (variance < SILENT_VARIANCE)
+        count = np.count_nonzero(used)
+        if count < tuning.least_samples:
+            return None
+        some = np.flatnonzero(used)[::max(1, count // tuning.samples)]
+        pattern, colors, share = self.sharpest(*(each.ravel()[some] for each in (
+            u, v, variance, *place)))
+        if share < TUNING.use.least_explained:
+            return None
+        sampled = self.projected.light_at(pattern, *place)
+        local, error = local_light(u, v, sampled, colors, variance, used)
+        scale = F4(max(np.percentile(error[used], 25) / tuning.quartile, tuning.least_scale))
+        size = (2 * tuning.unrest_radius + 1,) * 2
+        share = cv2.blur(used.astype(F4), size)
+        unrest = cv2.blur(np.minimum(error, F4(tuning.unrest_limit) * scale), size) / np.maximum(
+            share, F4(tuning.least_share))
+        unrest = np.where(share > F4(tuning.least_share), unrest / (2 * scale), 1)
+        unrest = np.clip(unrest, 1, F4(tuning.unrest_limit)).astype(F4)
+        self.coarse_light = local
+        self.last_light = Light(pattern, colors, np.stack([self.framed(each) for each in local]),
+                                self.framed(unrest), scale)
+        return self.last_light
+
+    def sharpest(self, u, v, variance, column, row):
+        """
+        Return the pattern as blurred as the left view, the map of its colors, what it explains.
+
+        Parameters
+        ----------
+        u, v, variance : numpy.ndarray, float32, shape (N,)
+            Of the left view, at nodes of known places.
+        column, row : numpy.ndarray, float32, shape (N,)
+            Places of the pattern, px.
+
+        """
+        best = None
+        for level in range(len(TUNING.color.blurs)):
+            pattern = self.projected.blurred(level)
+            seen = self.projected.light_at(pattern, column, row)
+            colors = fitted_colors(u, v, seen, 1 / variance.astype(np.float64))
+            share = explained(u, v, seen, colors)
+            if best is not None and share <= best[2]:
+                break
+            best = pattern, colors, share
+            if share > TUNING.color.sharp:
+                break
+        return best
+
+    def framed(self, samples):
+        """Return coarse samples at all nodes, framed float32."""
+        out = np.ones(self.grid.shape, F4)
+        out[self.grid.inner] = cv2.resize(samples, self.grid.nodes[::-1],
+                                          interpolation=cv2.INTER_LINEAR)
+        return out
+
+    def linearize(self, solver, planes, light, tiles, region, misfit):
+        """Write solver.linearized and misfit, framed, of the region of some tiles at planes."""
+        left, projected = self.views.left, self.projected
+        linearize_sweep(left.u, left.v, left.variance, light.pattern.image, projected.size,
+                        light.colors, light.local, light.unrest, projected.sweep, planes.d,
+                        tiles, region, F4(TUNING.use.robust_misfit), light.scale, self.phase,
+                        solver.reference, solver.linearized.weight, solver.linearized.moment,
+                        misfit)
+        return solver.linearized
+
+    @property
+    def phase(self):
+        """Return the variance of a place as a variance of the disparity, px^2."""
+        return F4(TUNING.use.phase_variance / self.projected.per_disparity ** 2)
+
+    @staticmethod
+    def around(misfit):
+        """Return the mean misfit of 3 x 3 nodes, capped, float32."""
+        cap = F4(TUNING.use.misfit_cap)
+        return cv2.blur(np.fmin(misfit, cap), (3, 3))
+
+    def tiles_with(self, nodes):
+        """Return the tiles that hold some of the nodes, int32 (N, 2)."""
+        tiles = self.grid.tiles
+        sums = nodes[tiles[0, 0]:tiles[-1, 0] + TILE_ROWS, tiles[0, 1]:tiles[-1, 1] + TILE_COLUMNS]
+        count = sums.reshape(sums.shape[0] // TILE_ROWS, TILE_ROWS, -1, TILE_COLUMNS).sum(
+            axis=(1, 3))
+        return np.ascontiguousarray(tiles[count.ravel() > 0])
+
+    def region_of(self, wanted):
+        """Return the nodes that are looked at: those wanted and those around, bool framed."""
+        size = (2 * TUNING.use.reach + 1,) * 2
+        return cv2.dilate(wanted.view(np.uint8), np.ones(size, np.uint8)).view(bool)
+
+    def fill(self, planes, firm, light, linearized, pair, region):
+        """Search and fit the nodes of a region; firm nodes anchor them."""
+        tiles = self.tiles_with(region)
+        mine, solver = self.planes, self.solver
+        seeds = self.search.search(
+            light.pattern.coarse_image, self.projected.size, light.colors, self.coarse_light,
+            self.coarse_known(planes, firm), self.projected.sweep)
+        mine.seed(seeds)
+        for own, given in zip((mine.d, mine.a, mine.b), (planes.d, planes.a, planes.b)):
+            np.copyto(own, given, where=firm)
+        mine.misfit.fill(np.nan)
+        for turn, steps in enumerate(TUNING.use.steps):
+            self.propagate(light, tiles, region, steps)
+            self.fit(light, linearized, firm, pair, tiles, region, turn)
+        self.linearize(solver, mine, light, tiles, region, mine.misfit)
+
+    def fit(self, light, linearized, firm, pair, tiles, region, turn):
+        """Fit the planes of some tiles; firm nodes tell what the two cameras know, too."""
+        mine, solver = self.planes, self.solver
+        own = self.linearize(solver, mine, light, tiles, region, mine.misfit)
+        own.weight[firm] += linearized.weight[firm]
+        own.moment[firm] += linearized.moment[firm]
+        solver.fit(own, self.views, mine, pair, tiles, turn)
+
+    def propagate(self, light, tiles, region, steps):
+        """Let the nodes of a region try the planes of their neighbors."""
+        left, projected, mine = self.views.left, self.projected, self.planes
+        cap = F4(TUNING.use.misfit_cap)
+        kernel = np.ones((3, 3), np.uint8)
+
+        def windows(step_y, step_x):
+            sweep_misfits(left.u, left.v, left.variance, light.pattern.image, projected.size,
+                          light.colors, light.local, light.unrest, projected.sweep, mine.d,
+                          mine.a, mine.b, step_y, step_x, tiles, region, light.scale,
+                          self.phase, cap, self.cost)
+            return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel)
+
+        for step in steps:
+            self.cost.fill(cap)
+            best = windows(0, 0)
+            tried = [(dy * step, dx * step) for dy, dx in NEIGHBORS]
+            costs = [windows(*each) for each in tried]
+            with mine.rewriting(keep_unwritten=True) as (old, new):
+                for (dy, dx), cost in zip(tried, costs):
+                    take_better(old.d, old.a, old.b, dy, dx, tiles, cost, best, new.d, new.a,
+                                new.b)
+            mine.cost[...] = best
+
+    def coarse_known(self, planes, firm):
+        """Return the disparity of the coarse nodes that are firm, px, float32; NaN elsewhere."""
+        f = self.coarse.factor
+        h, w = self.coarse.disparity.shape
+        area = np.s_[:h * f, :w * f]
+        inner = self.grid.inner
+        ok = firm[inner][area].reshape(h, f, w, f)
+        d = np.where(firm[inner], planes.d[inner], 0)[area].reshape(h, f, w, f)
+        count = ok.sum(axis=(1, 3))
+        mean = d.sum(axis=(1, 3)) / np.maximum(count, 1)
+        return np.where(count == f * f, mean, np.nan).astype(F4)

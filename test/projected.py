@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pairs of a wall and a plate before it, lit by a projector beside the cameras, with truth."""
+
+from functools import lru_cache
+
+from color_stereo_ros.core import make_pattern, PatternSettings
+from color_stereo_ros.core.projector.model import COUNT, ProjectorModel
+import cv2
+import numpy as np
+from surface_pairs import BASELINE, exposed, FOCAL, rig
+
+WIDTH, HEIGHT = 320, 240
+PATTERN = PatternSettings(width=512, height=384, feature_size=9.0)
+WALL, PLATE = 0.5, 0.4         # m
+EDGES = (-0.06, 0.05, -0.05, 0.06)  # left, right, upper and lower edge of the plate, m
+SAMPLES = 2                    # per pixel and direction
+CALIBRATION = rig(WIDTH, HEIGHT)
+LIMITS = FOCAL * BASELINE / 0.6, FOCAL * BASELINE / 0.34
+
+
+def projector(distortion=0.0):
+    """Return a projector to the right of and above the left camera, turned a little."""
+    rotation = cv2.Rodrigues(np.array([-0.12, -0.08, 0.02]))[0]
+    camera_matrix = np.array([[470.0, 0, 255.5], [0, 470.0, 191.5], [0, 0, 1]])
+    return ProjectorModel(camera_matrix, distortion, rotation,
+                          -rotation @ np.array([0.05, -0.06, 0.0]), (512, 384),
+                          np.zeros((COUNT, COUNT)))
+
+
+def surface(eye_x, x, y):
+    """Return where rays of a camera at (eye_x, 0, 0) end, m, float64 (..., 3)."""
+    rays = np.stack([(x - (WIDTH - 1) / 2) / FOCAL, (y - (HEIGHT - 1) / 2) / FOCAL,
+                     np.ones_like(x)], axis=-1)
+    eye = np.array([eye_x, 0.0, 0.0])
+    near = eye + PLATE * rays
+    return np.where(on_plate(near)[..., None], near, eye + WALL * rays)
+
+
+def on_plate(points):
+    """Return which points of the plane of the plate lie on it."""
+    left, right, upper, lower = EDGES
+    return ((points[..., 0] > left) & (points[..., 0] < right) & (points[..., 1] > upper)
+            & (points[..., 1] < lower))
+
+
+def free(points, eye):
+    """Return which points of wall and plate see an eye, float64 (3,), that is at Z = 0."""
+    share = PLATE / points[..., 2:3]
+    crossing = eye + share * (points - eye)
+    return (points[..., 2] < (PLATE + WALL) / 2) | ~on_plate(crossing)
+
+
+def light(eye_x, pattern, model, paint):
+    """Return what a camera sees, float64 (H, W, 3), 0..1; paint: factors of the plate, RGB."""
+    offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
+    x, y = np.meshgrid(np.add.outer(np.arange(WIDTH), offsets).ravel(),
+                       np.add.outer(np.arange(HEIGHT), offsets).ravel())
+    points = surface(eye_x, x, y)
+    u, v = model.project(points)
+    seen = cv2.remap(pattern.astype(np.float32) / 255, u.astype(np.float32),
+                     v.astype(np.float32), cv2.INTER_CUBIC).clip(0)
+    seen = seen * free(points, model.center)[..., None]
+    seen = np.where((points[..., 2] < (PLATE + WALL) / 2)[..., None], seen * paint, seen)
+    return seen.reshape(HEIGHT, SAMPLES, WIDTH, SAMPLES, 3).mean(axis=(1, 3))
+
+
+@lru_cache(maxsize=8)
+def pair(seed=PATTERN.seed, paint=(1.0, 1.0, 1.0), noise=1):
+    """Return left and right image, uint8 (H, W, 3), under the pattern of a seed."""
+    pattern = make_pattern(PatternSettings(width=512, height=384, feature_size=9.0, seed=seed))
+    rng = np.random.default_rng(noise)
+    return tuple(exposed(light(eye, pattern, projector(), np.array(paint)), rng)
+                 for eye in (0.0, BASELINE))
+
+
+def truth():
+    """Return disparity, and which pixels are lit and which the right camera sees, too (H, W)."""
+    x, y = np.meshgrid(np.arange(WIDTH, dtype=float), np.arange(HEIGHT, dtype=float))
+    points = surface(0.0, x, y)
+    disparity = FOCAL * BASELINE / points[..., 2]
+    u, v = projector().project(points)
+    lit = (free(points, projector().center) & (u > 3) & (v > 3) & (u < 508) & (v < 380))
+    visible = lit & free(points, np.array([BASELINE, 0, 0])) & (x - disparity >= 0)
+    return disparity, lit, visible

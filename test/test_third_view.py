@@ -1,0 +1,366 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The projector as a third view: where it lights, what it adds, when it is not believed."""
+
+from functools import lru_cache
+
+from color_stereo_ros.core import ColorStereo, Settings, SettingsError, Status
+from color_stereo_ros.core.compiled import BANDS
+from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.third.colors import chromaticity, fitted_colors, mixed
+from color_stereo_ros.core.surface.third.sweep import (
+    geometry_variance, packed, places, straightened, sweep_matrix)
+from color_stereo_ros.core.surface.third.sweep_kernels import (
+    cheapest_disparities, claim_places, find_contested, linearize_sweep, paths_along_columns,
+    paths_along_rows, places_of_nodes, sum_windows, sweep_costs, sweep_misfits, take_better)
+from color_stereo_ros.core.surface.third.tuning import TUNING
+import naive_sweep
+import numpy as np
+from projected import CALIBRATION, LIMITS, pair, PATTERN, projector, truth
+import pytest
+
+F4 = np.float32
+MARGIN = TUNING.color.margin
+RED = 1.0, 0.35, 0.3
+
+
+def settings(**changes):
+    """Return settings for the wall and the plate."""
+    focal_baseline = CALIBRATION.geometry.focal_baseline
+    values = {'range.min_depth': focal_baseline / LIMITS[1],
+              'range.max_depth': focal_baseline / LIMITS[0],
+              **{name.replace('__', '.'): value for name, value in changes.items()}}
+    return Settings(pattern=PATTERN).updated(values)
+
+
+@lru_cache(maxsize=None)
+def stereo():
+    """Return an object for the scene; its projector is set by each test."""
+    return ColorStereo(CALIBRATION, settings())
+
+
+def measured(model, **scene):
+    """Return the result of a scene with a projector or without."""
+    rig = stereo()
+    rig.reset()
+    rig.use_projector(model)
+    return rig.process(*pair(**scene))
+
+
+def cover(result):
+    """Return the share of the lit pixels that are right within 1 px."""
+    disparity, lit, _ = truth()
+    with np.errstate(invalid='ignore'):
+        return np.mean((np.abs(result.disparity - disparity) <= 1)[lit])
+
+
+def same(one, other):
+    """Return whether all arrays of two results have the same bytes."""
+    names = 'disparity', 'depth', 'disparity_std', 'confidence', 'status', 'views'
+    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in names)
+
+
+def test_the_sweep_lights_a_pixel_where_the_model_projects_its_point():
+    geometry, rng = CALIBRATION.geometry, np.random.default_rng(1)
+    x, y = rng.uniform(0, 319, 50), rng.uniform(0, 239, 50)
+    d = rng.uniform(*LIMITS, 50)
+    depth = geometry.focal_baseline / (d - geometry.principal_offset)
+    points = np.stack([(x - geometry.center_x_left) / geometry.focal_x * depth,
+                       (y - geometry.center_y) / geometry.focal_y * depth, depth], axis=-1)
+    found = places(sweep_matrix(projector(), geometry), x, y, d)
+    np.testing.assert_allclose(found, projector().project(points), atol=1e-9)
+
+
+def test_a_straightened_pattern_shows_at_an_ideal_place_what_lights_it():
+    model = projector(distortion=0.05)
+    v, u = np.mgrid[:384, :512].astype(F4)
+    ramp = np.stack([u, v, u + v], axis=-1)
+    flat = straightened(ramp, model)
+    rays = np.linalg.inv(model.camera_matrix) @ [400.0, 300.0, 1.0]
+    square = rays[0] ** 2 + rays[1] ** 2
+    there = model.camera_matrix @ [*(rays[:2] * (1 + 0.05 * square)), 1.0]
+    # OpenCV places to 1/32 px, and its cubic is off by as much on a ramp
+    np.testing.assert_allclose(flat[300, 400, :2], there[:2], atol=0.06)
+
+
+def test_the_third_view_measures_what_the_right_camera_does_not_see():
+    two, three = measured(None), measured(projector())
+    disparity, lit, visible = truth()
+    alone = lit & ~visible
+    assert np.mean(np.isfinite(two.disparity[alone])) < 0.1
+    error = np.abs(three.disparity - disparity)[alone]
+    assert np.mean(error <= 1) > 0.9
+    assert np.nanmedian(error) < 0.06
+    assert cover(three) > cover(two) + 0.05
+
+
+def test_the_views_say_who_saw_a_pixel():
+    two, three = measured(None), measured(projector())
+    _, lit, visible = truth()
+    assert two.views.dtype == three.views.dtype == np.uint8
+    assert np.array_equal(two.views, (two.status == Status.VALID).astype(np.uint8))
+    assert np.array_equal(three.views > 0, three.status == Status.VALID)
+    assert np.mean(three.views[lit & ~visible] & 2 > 0) > 0.9
+    assert np.mean(three.views[lit & ~visible] == 2) > 0.75  # planes of two views reach into it
+    assert np.mean(three.views[visible] == 3) > 0.9
+
+
+def test_the_deviations_of_the_third_view_are_honest():
+    three = measured(projector())
+    disparity = truth()[0]
+    alone = three.views == 2
+    score = (np.abs(three.disparity - disparity) / three.disparity_std)[alone]
+    assert 0.3 < np.percentile(score, 68) < 1.4
+
+
+def test_colored_surfaces_are_measured_too():
+    two, three = measured(None, paint=RED), measured(projector(), paint=RED)
+    assert cover(three) > cover(two) + 0.05
+    assert cover(three) > 0.95
+
+
+def test_without_a_projector_nothing_changes():
+    before = measured(None)
+    measured(projector())
+    assert same(before, measured(None))
+
+
+def test_switched_off_the_projector_is_not_used():
+    rig = ColorStereo(CALIBRATION, settings(matching__third_view='off'))
+    rig.use_projector(projector())
+    assert rig.projector is None
+    assert same(rig.process(*pair()), measured(None))
+
+
+def test_another_pattern_than_the_one_shown_falls_back_to_two_views():
+    assert same(measured(projector(), seed=99), measured(None, seed=99))
+
+
+def test_a_projector_elsewhere_falls_back_to_two_views():
+    moved = projector().but(translation=projector().translation + [0.03, 0.02, 0.0])
+    assert same(measured(moved), measured(None))
+
+
+def test_a_pattern_that_repeats_needs_no_projector():
+    rig = ColorStereo(CALIBRATION, settings(pattern__type='sine', pattern__cycles=8))
+    rig.use_projector(projector())
+    assert rig.projector is None
+
+
+def test_the_left_camera_measures_alone_with_the_projector():
+    rig = stereo()
+    rig.use_projector(projector())
+    rig.process(*pair())
+    left = rig.process_left(pair(noise=2)[0])
+    assert cover(left) > 0.93
+    assert set(np.unique(left.views)) <= {0, 2}
+
+
+def test_the_left_camera_alone_measures_nothing_without_a_projector():
+    rig = stereo()
+    rig.use_projector(None)
+    with pytest.raises(SettingsError, match='no projector is in use'):
+        rig.process_left(pair()[0])
+
+
+def test_an_uncertain_projector_makes_disparities_uncertain():
+    geometry = CALIBRATION.geometry
+    covariance = np.zeros((12, 12))
+    covariance[9, 9] = 1e-3 ** 2  # 1 mm along x of the projector
+    found = geometry_variance(projector().but(covariance=covariance), geometry, 64.0)
+    # a shift along the baseline moves the place as a shift of that share of the disparity
+    model, sweep = projector(), sweep_matrix(projector(), geometry)
+    shifted = sweep_matrix(model.but(translation=model.translation + [1e-3, 0, 0]), geometry)
+    x, y = 12.83, 12.83  # of the first sample
+    near = np.array(places(sweep, x, y, 64.0))
+    slope = np.array(places(sweep, x, y, 64.5)) - np.array(places(sweep, x, y, 63.5))
+    moved = np.array(places(shifted, x, y, 64.0)) - near
+    assert found[0, 0] == pytest.approx((moved @ slope / (slope @ slope)) ** 2, rel=0.05)
+
+
+def test_the_colors_of_the_camera_are_found_but_for_brightness():
+    rng = np.random.default_rng(3)
+    light = rng.uniform(0.05, 1, (3, 2000))
+    colors = np.array([[1.0, 0.1, 0.05, 0.02], [0.1, 0.9, 0.1, 0.02], [0.0, 0.1, 0.5, 0.02]])
+    u, v = chromaticity(mixed(colors, light))
+    found = fitted_colors(u, v, light, np.ones(2000))
+    np.testing.assert_allclose(chromaticity(mixed(found, light)), [u, v], atol=0.01)
+
+
+@lru_cache(maxsize=None)
+def nodes():
+    """Return random inputs of the kernels: one tile row of nodes and a pattern."""
+    rng = np.random.default_rng(5)
+    shape = 2 * PAD + 2 * TILE_ROWS, 2 * PAD + 2 * TILE_COLUMNS
+    image = rng.uniform(0.1, 0.9, (90, 120, 3))
+    flat = packed(image)
+    image = flat.view(np.uint8).reshape(90, 120, 4)[..., :3] / 255
+    tiles = np.array([[PAD + y, PAD + x] for y in (0, TILE_ROWS) for x in (0, TILE_COLUMNS)],
+                     np.int32)
+    sweep = np.array([[0.7, 0.1, 1.0, 0.4], [0.05, 0.8, 12.0, 0.9], [1e-4, 2e-4, 1, 1e-3]], F4)
+    colors = np.array([[0.9, 0.1, 0, 0.01], [0.1, 1, 0.1, 0.02], [0, 0.1, 0.6, 0.03]], F4)
+    u, v = rng.normal(0, 0.5, (2, *shape)).astype(F4)
+    variance = rng.uniform(0.001, 0.01, shape).astype(F4)
+    d = rng.uniform(4, 30, shape).astype(F4)
+    a, b = rng.uniform(-0.2, 0.2, (2, *shape)).astype(F4)
+    light = rng.uniform(0.6, 1.2, (3, *shape)).astype(F4)
+    unrest = rng.uniform(1, 3, shape).astype(F4)
+    region = rng.random(shape) < 0.7
+    return dict(u=u, v=v, variance=variance, flat=flat, size=np.array([90, 120]), image=image,
+                colors=colors, light=light, unrest=unrest, sweep=sweep, d=d, a=a, b=b,
+                tiles=tiles, region=region)
+
+
+def naive_node(given, y, x, d):
+    """Return misfit, weight and moment of one node; None where it tells nothing."""
+    seen = naive_sweep.color(given['image'], given['colors'], given['light'][:, y, x],
+                             given['sweep'], 2 * (x - PAD) + 0.5, 2 * (y - PAD) + 0.5, float(d),
+                             MARGIN)
+    if seen is None or not given['region'][y, x]:
+        return None
+    value, slope = seen
+    error = np.array([given['u'][y, x], given['v'][y, x]]) - value
+    w = 1 / (1.5 * given['unrest'][y, x] * given['variance'][y, x] + 0.04 * slope @ slope)
+    chi = w * error @ error
+    w /= 1 + chi / 9
+    return chi, w * slope @ slope, w * slope @ slope * (d - 10) + w * slope @ error
+
+
+def inner(given):
+    """Yield the places of all nodes of the tiles."""
+    for top, left in given['tiles']:
+        for y in range(top, top + TILE_ROWS):
+            for x in range(left, left + TILE_COLUMNS):
+                yield y, x
+
+
+def common(given):
+    """Return the first arguments of the kernels."""
+    return (given['u'], given['v'], given['variance'], given['flat'], given['size'],
+            given['colors'], given['light'], given['unrest'], given['sweep'])
+
+
+def test_nodes_are_linearized_as_their_formulas_say():
+    given = nodes()
+    weight, moment, misfit = np.zeros((3, *given['d'].shape), F4)
+    linearize_sweep(*common(given), given['d'], given['tiles'], given['region'], F4(9), F4(1.5),
+                    F4(0.04), F4(10), weight, moment, misfit)
+    known = 0
+    for y, x in inner(given):
+        expected = naive_node(given, y, x, given['d'][y, x])
+        if expected is None:
+            assert np.isnan(misfit[y, x]) and weight[y, x] == moment[y, x] == 0
+        else:
+            known += 1
+            np.testing.assert_allclose([misfit[y, x], weight[y, x], moment[y, x]], expected,
+                                       rtol=2e-3, atol=2e-3 * abs(expected[1]) + 1e-4)
+    assert known > 300
+
+
+def test_the_plane_of_a_neighbor_is_compared_at_the_own_place():
+    given = nodes()
+    out = np.zeros(given['d'].shape, F4)
+    sweep_misfits(*common(given), given['d'], given['a'], given['b'], 1, -2, given['tiles'],
+                  given['region'], F4(1.5), F4(0.04), F4(60), out)
+    for y, x in inner(given):
+        d = given['d'][y + 1, x - 2] + 2 * given['a'][y + 1, x - 2] - given['b'][y + 1, x - 2]
+        expected = naive_node(given, y, x, d)
+        assert out[y, x] == pytest.approx(60 if expected is None else min(expected[0], 60),
+                                          rel=2e-3)
+
+
+def test_a_node_takes_the_plane_of_a_neighbor_where_it_costs_less():
+    given = nodes()
+    shape = given['d'].shape
+    cost, best = np.random.default_rng(1).random((2, *shape)).astype(F4)
+    kept = best.copy()
+    new = [given[name].copy() for name in 'dab']
+    take_better(given['d'], given['a'], given['b'], 0, 3, given['tiles'], cost, best, *new)
+    for y, x in inner(given):
+        better = cost[y, x] < kept[y, x]
+        plane = given['d'][y, x + 3] - 3 * given['a'][y, x + 3] if better else given['d'][y, x]
+        assert new[0][y, x] == pytest.approx(plane, abs=1e-5)
+        assert best[y, x] == min(cost[y, x], kept[y, x])
+
+
+def test_coarse_costs_are_differences_of_colors_and_leave_known_nodes_alone():
+    given, rng = nodes(), np.random.default_rng(2)
+    h, w, depth = 5, 7, 70
+    left = rng.integers(-100, 100, (2, h, w)).astype(np.int16)
+    trust = rng.choice([0, 7, 16], (h, w)).astype(np.int16)
+    known = np.where(rng.random((h, w)) < 0.2, 12.0, np.nan).astype(F4)
+    light = rng.uniform(0.6, 1.2, (3, h, w)).astype(F4)
+    cost = np.zeros((h, w, depth), np.int16)
+    sweep_costs(left[0], left[1], trust, given['flat'], given['size'], given['colors'], light,
+                known, given['sweep'], F4(1.5), F4(4), F4(2), F4(0.5), F4(100), np.int16(160),
+                np.int16(70), F4(40), cost)
+    for y, x, n in np.ndindex(h, w, depth):
+        if known[y, x] == known[y, x]:
+            expected = min(40 * abs(n - 12), 160)
+        else:
+            seen = naive_sweep.color(given['image'], given['colors'], light[:, y, x],
+                                     given['sweep'], 1.5 + 4 * x, 1.5 + 4 * y, 2 + 0.5 * n, 0.0)
+            away = 160 if seen is None else min(np.abs(left[:, y, x] - 100 * seen[0]).sum(), 160)
+            expected = 70 + (away - 70) * trust[y, x] / 16
+        assert abs(cost[y, x, n] - expected) <= 1.5
+
+
+def test_paths_and_windows_are_those_of_semi_global_matching():
+    rng = np.random.default_rng(4)
+    cost = rng.integers(0, 160, (9, 11, 13)).astype(np.int16)
+    summed, total = np.zeros((2, *cost.shape), np.int16)
+    sum_windows(cost, summed)
+    np.testing.assert_array_equal(summed, naive_sweep.windows(cost))
+    scratch = np.empty((BANDS, 11 // BANDS + 2, 15), np.int16)
+    paths_along_rows(summed, np.int16(60), np.int16(600), np.int16(8000), total, scratch)
+    paths_along_columns(summed, np.int16(60), np.int16(600), np.int16(8000), total, scratch)
+    expected = np.zeros(cost.shape, int)
+    for y in range(9):
+        expected[y] += naive_sweep.path(summed[y], 60, 600)
+        expected[y] += naive_sweep.path(summed[y, ::-1], 60, 600)[::-1]
+    for x in range(11):
+        expected[:, x] += naive_sweep.path(summed[:, x], 60, 600)
+        expected[:, x] += naive_sweep.path(summed[::-1, x], 60, 600)[::-1]
+    np.testing.assert_array_equal(total, expected)
+
+
+def test_the_cheapest_disparity_is_refined_and_its_rival_told():
+    total = np.full((1, 1, 12), 900, np.int16)
+    total[0, 0, 3:6] = 300, 100, 200
+    total[0, 0, 10] = 450
+    best, gap = np.zeros((2, 1, 1), F4)
+    cheapest_disparities(total, 3, best, gap)
+    assert best[0, 0] == pytest.approx(4 + 0.5 * (300 - 200) / (300 - 100))
+    assert gap[0, 0] == 350
+
+
+def test_two_surfaces_cannot_claim_one_place_of_the_pattern():
+    d = np.array([[10.0, 10.5, 30.0]], F4)
+    odds = np.array([[2.0, 5.0, 1.0]], F4)
+    spots = np.array([[[3.0, 4.0, 3.5]], [[3.0, 3.0, 3.0]]], F4)
+    best, owner = np.empty((2, 4, 4), F4)
+    contested = np.empty((1, 3), F4)
+    claim_places(d, odds, spots, F4(8), best, owner)
+    find_contested(d, spots, F4(8), F4(2), best, owner, contested)
+    assert owner[0, 0] == F4(10.5)
+    np.testing.assert_array_equal(contested, [[0, 0, 5]])
+
+
+def test_places_of_nodes_are_those_of_the_sweep():
+    given = nodes()
+    out = np.empty((2, 6, 10), F4)
+    places_of_nodes(given['sweep'], given['d'], 2, out)
+    expected = naive_sweep.place(given['sweep'], 2 * 2 * 3 + 0.5, 2 * 2 * 4 + 0.5,
+                                 given['d'][PAD + 8, PAD + 6])[0]
+    np.testing.assert_allclose(out[:, 4, 3], expected, rtol=1e-5)
+
+
+def test_nothing_compiles_after_a_projector_is_taken():
+    rig = ColorStereo(CALIBRATION, settings())
+    rig.use_projector(projector())
+    kernels = (claim_places, find_contested, linearize_sweep, paths_along_columns, sweep_costs,
+               paths_along_rows, places_of_nodes, sum_windows, sweep_misfits, take_better,
+               cheapest_disparities)
+    before = [len(kernel.signatures) for kernel in kernels]
+    result = rig.process(*pair())
+    assert (result.views & 2).any()
+    assert before == [len(kernel.signatures) for kernel in kernels] and min(before) > 0
