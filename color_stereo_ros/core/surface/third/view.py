@@ -127,14 +127,19 @@ class ThirdView:
         firm[inner] = known & (witness[inner] < F4(use.firm_misfit))
         if np.count_nonzero(firm) < use.least_agreement * np.count_nonzero(known):
             return None
-        lit = np.zeros(self.grid.shape, bool)
-        left = self.views.left
-        lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
+        dim = self.dim(firm)
+        lit = self.lit()
+        lit[inner] &= dim < F4(use.shadow_dim)
         region = self.region_of(lit & ~firm)
         self.fill(planes, firm, light, linearized, pair, region)
         return Found(self.planes, firm, witness, region & lit,
-                     self.around(self.planes.misfit), self.std(), self.dim(firm),
-                     self.projected)
+                     self.around(self.planes.misfit), self.std(), dim, self.projected)
+
+    def lit(self):
+        """Return the nodes whose color says something, bool framed."""
+        lit, left, inner = np.zeros(self.grid.shape, bool), self.views.left, self.grid.inner
+        lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
+        return lit
 
     def fused(self, planes, verdict, linearized, pair):
         """Return the Fused of two cameras and the pattern, None where it explains nothing."""
@@ -209,10 +214,7 @@ class ThirdView:
         left, coarse, grid = self.views.left, self.coarse, self.grid
         coarse.fill_colors(left, self.views.right)
         light = self.neutral_light() if self.last_light is None else self.last_light
-        lit = np.zeros(grid.shape, bool)
-        lit[grid.inner] = ((left.variance[grid.inner] < SILENT_VARIANCE)
-                           & (left.s[grid.inner] > F4(1)))
-        nothing = np.zeros(grid.shape, bool)
+        lit, nothing = self.lit(), np.zeros(grid.shape, bool)
         for _ in range(TUNING.use.alone_rounds):
             self.fill(self.planes, nothing, light, self.solver.linearized, pair, lit)
             around = self.around(self.planes.misfit)
