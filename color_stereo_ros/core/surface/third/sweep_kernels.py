@@ -151,15 +151,16 @@ def any_below(values, bounds):
 
 @banded(fastmath=FAST)
 def linearize_sweep(k, left_u, left_v, left_var, flat, size, colors, light, unrest, sweep, d,
-                    tiles, region, robust_misfit, scale, phase, reference, weight, moment,
-                    misfit):
+                    tiles, region, robust_misfit, scale, phase, reference, known_weight,
+                    known_moment, weight, moment, misfit):
     """
     Compare the nodes of some tiles with the pattern, and linearize there; only those in region.
 
     As `plane_kernels.linearize`; the pattern has no noise. The variance of a color is scale unrest
     left_var + phase g.g. light, float32 (3, framed): red and blue against green, and the share of
-    the color that is left. A place outside the pattern: weight = moment = 0, misfit NaN. flat is
-    the pattern image of size (height, width).
+    the color that is left. known_weight and known_moment are what is
+    known of the nodes otherwise; they are added. The misfit of places outside the pattern is NaN.
+    flat is the pattern image of size (height, width).
 
     """
     one = F4(1)
@@ -175,9 +176,9 @@ def linearize_sweep(k, left_u, left_v, left_var, flat, size, colors, light, unre
         for y in range(top, top + TILE_ROWS):
             out_weight, out_moment = weight[y, left:right], moment[y, left:right]
             out_misfit = misfit[y, left:right]
-            out_weight[:] = F4(0)
-            out_moment[:] = F4(0)
-            out_misfit[:] = NAN
+            for x in range(left, right):
+                weight[y, x], moment[y, x] = known_weight[y, x], known_moment[y, x]
+                misfit[y, x] = NAN
             count = 0
             for x in range(left, right):
                 if region[y, x] & (left_var[y, x] < SILENT_VARIANCE):
@@ -207,8 +208,8 @@ def linearize_sweep(k, left_u, left_v, left_var, flat, size, colors, light, unre
             for n in range(count):
                 if color_u[n] == color_u[n]:
                     x = at[n]
-                    out_weight[x] = weights[n]
-                    out_moment[x] = moments[n]
+                    out_weight[x] += weights[n]
+                    out_moment[x] += moments[n]
                     out_misfit[x] = misfits[n]
 
 
@@ -415,35 +416,26 @@ def paths_along_columns(k, cost, small, large, guard, total, scratch):
 
 
 @banded()
-def cheapest_disparities(k, total, distance, best, gap):
-    """
-    Write the index of the lowest cost of every node, refined by a V, and the gap to a rival.
-
-    A rival is more than `distance` indices away.
-
-    """
+def cheapest_disparities(k, total, best):
+    """Write the index of the lowest cost of every node of a volume (h, w, D), refined by a V."""
     rows, columns, depth = total.shape
     first, last = band(k, rows)
     for y in range(first, last):
         for x in range(columns):
             costs = total[y, x]
-            at, least = 0, I4(LARGEST)
+            least = LARGEST
             for n in range(depth):
-                if costs[n] < least:
-                    least = I4(costs[n])
-                    at = n
-            rival = I4(LARGEST)
-            for n in range(depth):
-                if abs(n - at) > distance:
-                    rival = min(rival, I4(costs[n]))
+                least = min(least, costs[n])
+            at = 0
+            while costs[at] != least:
+                at += 1
             place = F4(at)
             if 0 < at < depth - 1:
                 before, after = I4(costs[at - 1]), I4(costs[at + 1])
-                rise = max(before, after) - least
+                rise = max(before, after) - I4(least)
                 if rise > 0:
                     place += F4(0.5) * F4(before - after) / F4(rise)
             best[y, x] = place
-            gap[y, x] = F4(rival - least)
 
 
 @serial()

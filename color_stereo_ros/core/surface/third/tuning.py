@@ -108,9 +108,6 @@ class SearchTuning(Constants):
     known_slope: float = constant(
         0.25, 'cost_cap', 'Cost of a known node per disparity away from what stereo knows.',
         chosen('Four steps away cost as much as a color that is quite different.'))
-    rival_distance: int = constant(
-        3, 'steps', 'Distance from which another disparity is a rival.',
-        derived('As `repetition.rival_distance`.'))
     blur: float = constant(
         1.15, 'px', 'Standard deviation of the mean over a coarse node of 4 px.',
         derived('4 / 12^.5.'))
