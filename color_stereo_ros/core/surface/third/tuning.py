@@ -151,15 +151,17 @@ class UseTuning(Constants):
         0.04, 'px^2', 'Variance of the place of a color in the left image.',
         derived('As `pair.phase_variance`.'))
     misfit_cap: float = constant(
-        60.0, '1', 'Largest misfit of one node.', derived('As `neighbors.misfit_cap`.'))
+        60.0, '1', 'Largest misfit of one node.', derived('As `neighbors.misfit_cap`.'),
+        compiled=True)
     alone_rounds: int = constant(
         2, '1', 'Rounds of search and fit without the right camera.',
         chosen('The first one tells the colors.'))
     variance_cap: float = constant(
-        4.0, 'px^2', 'Largest variance that counts as evidence.', derived('Nothing is told.'))
+        4.0, 'px^2', 'Largest variance that counts as evidence.', derived('Nothing is told.'),
+        compiled=True)
     distance_cap: float = constant(
         2.0, 'px', 'Largest distance of a neighbor that counts as evidence.',
-        derived('As `trust.distance_cap`.'))
+        derived('As `trust.distance_cap`.'), compiled=True)
     odds_limits: tuple = constant(
         (-8.0, 14.0), '1', 'Limits of the log-odds that are weighed against each other.',
         chosen('Below, a plane is wrong for certain.'))

@@ -11,7 +11,7 @@ from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
 from ..planes import LeastSquares, Linearized, PlaneField
 from .colors import explained, fitted_colors, Light, local_light
-from .fusion import Fusion
+from .fusion import Fusion, known_planes
 from .projected import Projected
 from .search import SweepSearch
 from .sweep import geometry_variance
@@ -227,7 +227,7 @@ class ThirdView:
         for _ in range(TUNING.use.alone_rounds):
             self.fill(self.planes, nothing, light, self.solver.linearized, pair, lit)
             around = self.around(self.planes.misfit)
-            odds = self.fusion.own_odds(self.planes, around)
+            odds = self.fusion.own_odds(self.planes, around, known_planes(self.planes))
             better = self.light(self.planes, odds > F4(TUNING.use.firm_odds))
             light = light if better is None else better
         return self.fusion.alone(self.planes, odds, self.std(), lit, left)
