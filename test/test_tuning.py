@@ -60,6 +60,7 @@ GLOBALS = {
     'SUBPIXEL_CODES',     # names of modes
     'NEIGHBORS',          # the four of them
     '(RIGHT_CAMERA, PROJECTOR)',  # bits of `views`
+    '(AGREE, FIRM, APART)',  # codes of nodes
     'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
 SOURCES = [path for room in ('surface', 'surface/third', 'paper', 'rows', 'projector')

@@ -56,7 +56,7 @@ MODEL_NAMES = 'form', 'agree', 'two_apart', 'third_apart', 'firm'
 EVIDENCE = ('two', 'third', 'witness', 'contested_two', 'contested_third', 'dim', 'nearer',
             'farther')
 OWN_EVIDENCE = 'cost', 'misfit', 'sigma', 'apart'
-AGREE, FIRM, APART = 1, 2, 3  # kinds of nodes, of `Inputs.kind`
+AGREE, FIRM, APART = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +92,16 @@ class Fusion:
 
     def __init__(self, grid, model=None):
         """Take the fitted numbers."""
-        model = vars(TUNING.odds) if model is None else model
+        odds = TUNING.odds
+        if model is None:
+            model = dict(zip(MODEL_NAMES, (odds.form, odds.agree, odds.two_apart,
+                                           odds.third_apart, odds.firm)))
         self.grid = grid
         forms = {name: np.array(model[name], F4) for name in MODEL_NAMES}
         self.own_form = forms['form'][None]
         self.two_forms = np.stack([forms[name] for name in ('agree', 'firm', 'two_apart')])
         self.third_form = forms['third_apart'][None]
+        self.doubts = np.array([0, *TUNING.use.doubts], F4)  # by kind
         self.own = np.zeros((len(OWN_EVIDENCE), *grid.nodes), F4)
         self.evidence = np.zeros((len(EVIDENCE), *grid.nodes), F4)
 
@@ -201,6 +205,9 @@ class Fusion:
                     third)
         takes_third = (third > odds) | ((given.kind == AGREE) & (given.evidence[0] < kept))
         np.maximum(odds, third, out=odds)
+        doubts = self.doubts[given.kind]
+        doubts[apart & ~given.possible] = 0  # nothing of two cameras was there to be lost
+        odds -= doubts
         return self.assembled(found, verdict, planes, takes_third,
                               (given.kind == AGREE) | (given.kind == FIRM), odds)
 

@@ -200,7 +200,8 @@ class ThirdView:
     def std(self):
         """Return the standard deviations of the planes of the third view, px, float32 framed."""
         variance = F4(TUNING.use.variance_factor) * self.planes.variance
-        d = self.planes.d[self.grid.inner]
+        thin = self.coarse.factor
+        d = self.planes.d[self.grid.inner][::thin, ::thin]
         middle = float(np.nanmedian(d)) if np.isfinite(d).any() else float(np.mean(self.limits))
         variance[self.grid.inner] += cv2.resize(
             geometry_variance(self.projected.model, self.geometry, middle).astype(F4),
@@ -391,4 +392,4 @@ class ThirdView:
         """Return the disparity of the coarse nodes that are firm, px, float32; NaN elsewhere."""
         share = self.coarsened(firm)
         mean = self.coarsened(np.where(firm, planes.d, F4(0)))
-        return np.where(share > F4(1 - 1e-3), mean, F4(np.nan))
+        return np.where(share > F4(TUNING.use.whole_share), mean, F4(np.nan))
