@@ -7,6 +7,7 @@ from color_stereo_ros.core import ColorStereo, Settings, SettingsError, Status
 from color_stereo_ros.core.compiled import BANDS
 from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.third.colors import chromaticity, fitted_colors, mixed
+from color_stereo_ros.core.surface.third.fusion_kernels import gather_evidence, weigh_forms
 from color_stereo_ros.core.surface.third.sweep import (
     geometry_variance, packed, places, straightened, sweep_matrix)
 from color_stereo_ros.core.surface.third.sweep_kernels import (
@@ -241,19 +242,23 @@ def common(given):
 
 def test_nodes_are_linearized_as_their_formulas_say():
     given = nodes()
-    weight, moment, misfit = np.zeros((3, *given['d'].shape), F4)
+    shape = given['d'].shape
+    weight, moment, misfit = np.zeros((3, *shape), F4)
+    known = np.random.default_rng(8).uniform(0, 9, (2, *shape)).astype(F4)
     linearize_sweep(*common(given), given['d'], given['tiles'], given['region'], F4(9), F4(1.5),
-                    F4(0.04), F4(10), weight, moment, misfit)
-    known = 0
+                    F4(0.04), F4(10), *known, weight, moment, misfit)
+    count = 0
     for y, x in inner(given):
         expected = naive_node(given, y, x, given['d'][y, x])
         if expected is None:
-            assert np.isnan(misfit[y, x]) and weight[y, x] == moment[y, x] == 0
+            assert np.isnan(misfit[y, x])
+            assert (weight[y, x], moment[y, x]) == tuple(known[:, y, x])
         else:
-            known += 1
-            np.testing.assert_allclose([misfit[y, x], weight[y, x], moment[y, x]], expected,
+            count += 1
+            told = [weight[y, x] - known[0, y, x], moment[y, x] - known[1, y, x]]
+            np.testing.assert_allclose([misfit[y, x], *told], expected,
                                        rtol=2e-3, atol=2e-3 * abs(expected[1]) + 1e-4)
-    assert known > 300
+    assert count > 300
 
 
 def test_the_plane_of_a_neighbor_is_compared_at_the_own_place():
@@ -323,14 +328,14 @@ def test_paths_and_windows_are_those_of_semi_global_matching():
     np.testing.assert_array_equal(total, expected)
 
 
-def test_the_cheapest_disparity_is_refined_and_its_rival_told():
-    total = np.full((1, 1, 12), 900, np.int16)
+def test_the_cheapest_disparity_is_refined():
+    total = np.full((1, 2, 12), 900, np.int16)
     total[0, 0, 3:6] = 300, 100, 200
-    total[0, 0, 10] = 450
-    best, gap = np.zeros((2, 1, 1), F4)
-    cheapest_disparities(total, 3, best, gap)
+    total[0, 1, 0] = 450
+    best = np.zeros((1, 2), F4)
+    cheapest_disparities(total, best)
     assert best[0, 0] == pytest.approx(4 + 0.5 * (300 - 200) / (300 - 100))
-    assert gap[0, 0] == 350
+    assert best[0, 1] == 0
 
 
 def test_two_surfaces_cannot_claim_one_place_of_the_pattern():
@@ -345,6 +350,42 @@ def test_two_surfaces_cannot_claim_one_place_of_the_pattern():
     np.testing.assert_array_equal(contested, [[0, 0, 5]])
 
 
+def test_forms_are_weighed_by_the_kinds_of_nodes():
+    rng = np.random.default_rng(6)
+    evidence = rng.uniform(-1, 2, (3, 4, 70)).astype(F4)
+    forms = np.triu(rng.normal(0, 1, (2, 4, 4))).astype(F4)
+    kind = rng.integers(0, 3, (4, 70)).astype(np.uint8)
+    out = np.full((4, 70), 7, F4)
+    weigh_forms(evidence, kind, forms, out)
+    for y, x in np.ndindex(4, 70):
+        one = np.append(1, evidence[:, y, x])
+        expected = one @ forms[kind[y, x] - 1] @ one if kind[y, x] else 7
+        assert out[y, x] == pytest.approx(expected, abs=1e-4)
+
+
+def test_the_evidence_of_a_plane_is_what_its_neighbors_say():
+    rng = np.random.default_rng(7)
+    rows, columns = 6, 9
+    shape = rows + 2 * PAD, columns + 2 * PAD
+    d, cost, variance, misfit = rng.uniform(0.1, 3, (4, *shape)).astype(F4)
+    a, b = rng.uniform(-0.2, 0.2, (2, *shape)).astype(F4)
+    d[PAD + 2, PAD + 3] = np.nan
+    treated = rng.random((rows, columns)) < 0.6
+    own, steps = np.zeros((4, rows, columns), F4), np.zeros((2, rows, columns), F4)
+    gather_evidence(d, a, b, cost, variance, misfit, treated, own, steps)
+    for row, column in np.ndindex(rows, columns):
+        y, x = row + PAD, column + PAD
+        away = [float(d[y + j, x + i] - d[y, x] - i * a[y, x] - j * b[y, x])
+                for j, i in ((0, 1), (0, -1), (1, 0), (-1, 0))]
+        away = [min(max(each, -2), 2) if each == each else 2 for each in away]
+        np.testing.assert_allclose(
+            steps[:, row, column], [max(max(away), 0) ** 0.5, max(-min(away), 0) ** 0.5],
+            atol=1e-3)
+        expected = np.sqrt([cost[y, x], misfit[y, x], variance[y, x] ** 0.5,
+                            np.mean(np.abs(away))]) if treated[row, column] else np.zeros(4)
+        np.testing.assert_allclose(own[:, row, column], expected, atol=1e-3)
+
+
 def test_places_of_nodes_are_those_of_the_sweep():
     given = nodes()
     out = np.empty((2, 6, 10), F4)
@@ -357,8 +398,8 @@ def test_places_of_nodes_are_those_of_the_sweep():
 def test_nothing_compiles_after_a_projector_is_taken():
     rig = ColorStereo(CALIBRATION, settings())
     rig.use_projector(projector())
-    kernels = (claim_places, find_contested, linearize_sweep, paths_along_columns, sweep_costs,
-               paths_along_rows, places_of_nodes, sum_windows, sweep_misfits, take_better,
+    kernels = (gather_evidence, weigh_forms, claim_places, find_contested, linearize_sweep,
+               paths_along_columns, sweep_costs, paths_along_rows, places_of_nodes, sum_windows, sweep_misfits, take_better,
                cheapest_disparities)
     before = [len(kernel.signatures) for kernel in kernels]
     result = rig.process(*pair())

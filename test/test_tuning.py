@@ -61,6 +61,7 @@ GLOBALS = {
     'NEIGHBORS',          # the four of them
     'WARM',               # the size of a pattern that nobody sees
     '(RIGHT_CAMERA, PROJECTOR)',  # bits of `views`
+    '(AGREE, FIRM, APART)',  # codes of nodes
     'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
 SOURCES = [path for room in ('surface', 'surface/third', 'paper', 'rows', 'projector')

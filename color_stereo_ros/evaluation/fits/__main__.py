@@ -14,8 +14,11 @@ def main(argv=None):
         description='Fit a model of the surface method to simulated scenes with truth.')
     commands = parser.add_subparsers(dest='model', required=True)
     for name, summary in MODELS.items():
-        add_arguments(commands.add_parser(name, help=summary, description=summary,
-                                          allow_abbrev=False))
+        each = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
+        add_arguments(each)
+        if name == 'third':
+            each.add_argument('--light', metavar='FOLDER', help='fit to rendered light that '
+                              'evaluate --stress keeps; SCENE is the beginning of a folder there')
     args = parser.parse_args(argv)
     from .run import run  # compiles for a while, which --help should not
     return run(args.model, args)

@@ -22,6 +22,8 @@ class Options:
     """Few scenes and bad pictures: shows that the machinery works, no more."""
     progress: object = list
     """Wraps a sequence for a progress bar."""
+    light: str = None
+    """Folder of rendered light, see `stress.light`; the scenes are folders in it."""
 
 
 def run(name, args):
@@ -38,7 +40,8 @@ def run(name, args):
     """
     module = FITS[name]
     scenes = args.scenes or scenes_of(module, args.quick)
-    options = Options(args.cache, args.seed, args.quick, progress_bar)
+    options = Options(args.cache, args.seed, args.quick, progress_bar,
+                      getattr(args, 'light', None))
     fitted, report = module.fit(module.pairs_of(scenes, options), options)
     model = record(name, fitted, command_of(name, args), scenes)
     for line in [*comparison(model), *report]:
@@ -58,6 +61,8 @@ def command_of(name, args):
     words = ['python -m color_stereo_ros.evaluation.fits', name, *args.scenes]
     if args.quick:
         words.append('--quick')
+    if getattr(args, 'light', None):
+        words.append('--light FOLDER')
     return ' '.join([*words, f'--seed {args.seed}'])
 
 

@@ -2,20 +2,24 @@
 """Fit the trust in the third view and what it says of two cameras (models/third.yaml)."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from ...core import ColorStereo
-from ...core.surface.third.fusion import evidence_of, MODEL_NAMES, quadratic
+from ...core import ColorStereo, make_pattern, Settings
+from ...core.projector.finding import ProjectorFinder
+from ...core.projector.patches import Measured
+from ...core.surface.third.fusion import AGREE, APART, FIRM, MODEL_NAMES
 from ...core.surface.third.tuning import TUNING
-from .pairs import simulated
+from .pairs import Pair, simulated
 from .regression import equal_shares, logistic_fit
 from .trust import products, quadratic_form
 
 RIGHT = 1.0  # px: what confidence means
-FIRM = 1e-3  # as in `trust`
+STIFF = 1e-3  # as in `trust`
 HOLD = 2e-6
-MOST = 6000   # nodes of one pair and one form: more tell nothing new
+MOST = 9000   # nodes of one pair and one form: more tell nothing new
+CORNERS = (0, 0), (0, 1), (1, 0), (1, 1)  # pixels of a node
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,25 +27,47 @@ class Samples:
     """Nodes of one pair; arrays of N."""
 
     own: np.ndarray
-    """float64 (N, 4), of the plane of the third view, see `fusion.evidence_of`."""
+    """float64 (N, 4), of the plane of the third view, see `fusion.Inputs`."""
     evidence: np.ndarray
-    """float64 (N, 6), see `fusion.EVIDENCE`."""
-    agree: np.ndarray
-    """bool, both planes say the same."""
-    firm: np.ndarray
-    """bool, two cameras know, and the third view agrees."""
+    """float64 (N, 8), see `fusion.EVIDENCE`."""
+    kind: np.ndarray
+    """uint8, see `fusion.Inputs`."""
     treated: np.ndarray
     """bool, the third view has a plane."""
-    error_two: np.ndarray
-    """px, of the plane of the two cameras."""
-    error_third: np.ndarray
-    """px, of the plane of the third view."""
+    possible: np.ndarray
+    """bool, the two cameras may have a range."""
+    right_two: np.ndarray
+    """Share of the pixels of the node where the plane of the two cameras is right."""
+    right_third: np.ndarray
+    """The same of the plane of the third view."""
 
 
 def pairs_of(scenes, options):
     """Return the pairs of this fit: every scene under the default pattern."""
+    if options.light:
+        folders = [folder for name in scenes
+                   for folder in sorted(Path(options.light).glob(f'{name}*'))]
+        return [lit_pair(folder, options) for folder in options.progress(folders)]
     return [simulated(name, cache=options.cache, seed=options.seed, quick=options.quick)
             for name in options.progress(scenes)]
+
+
+def lit_pair(folder, options):
+    """Return the Pair of a folder of light, see `stress.light`; its projector is found from it."""
+    from ..stress import light
+    from ..stress.disturbances import DISTURBANCES
+    from ..stress.shot import Shots
+    scene, rig = light.load(folder, folder.name), DISTURBANCES['none'].rig(1.0)
+    shots = Shots(scene, options.seed)
+    pair, truth = shots.pair(rig, 1), shots.truth(rig.mounting)
+    near, far = scene.depth_limits
+    settings = Settings().updated({'range.min_depth': near, 'range.max_depth': far})
+    result = ColorStereo(scene.calibration, settings).process(*pair)
+    size = result.geometry.width, result.geometry.height
+    projector = ProjectorFinder(make_pattern(settings.pattern), size).find(
+        Measured.of(result)).model
+    return Pair(scene.name, scene.calibration, settings, *pair, truth.disparity, truth.visible,
+                truth.lit & ~truth.visible, projector)
 
 
 def fit(pairs, options):
@@ -56,10 +82,10 @@ def samples_of(pair):
     stereo = ColorStereo(pair.calibration, pair.settings)
     stereo.use_projector(pair.projector)
     stereo.process(pair.left, pair.right)
-    return samples_from(stereo, pair.disparity, np.isfinite(pair.disparity))
+    return samples_from(stereo, pair.disparity)
 
 
-def samples_from(stereo, disparity, seen):
+def samples_from(stereo, disparity):
     """
     Return the Samples of the pair that an object has measured last.
 
@@ -67,68 +93,70 @@ def samples_from(stereo, disparity, seen):
     ----------
     stereo : ColorStereo
     disparity : numpy.ndarray, shape (H, W)
-        Truth, px.
-    seen : numpy.ndarray, bool, shape (H, W)
-        Pixels that count.
+        Truth, px; where it is NaN nothing counts.
 
     """
     method = stereo._method
     third, grid = method.third, method.views.grid
     found = third.found
     given = third.fusion.inputs(found, method.trust.verdict, method.planes)
-    at_nodes = np.s_[:2 * grid.rows:2, :2 * grid.columns:2]
     inner = grid.inner
+    truth = np.stack([disparity[y:2 * grid.rows:2, x:2 * grid.columns:2] for y, x in CORNERS])
 
-    def error(planes):
+    def right(planes):
         d, a, b = (plane[inner].astype(float) for plane in (planes.d, planes.a, planes.b))
-        return np.nan_to_num(np.abs(d - 0.25 * (a + b) - disparity[at_nodes]), nan=1e3)
+        pixels = np.stack([d + 0.5 * (a * (x - 0.5) + b * (y - 0.5)) for y, x in CORNERS])
+        return np.mean(np.nan_to_num(np.abs(pixels - truth), nan=1e3) <= RIGHT, axis=0)
 
-    used = (seen[at_nodes] & np.isfinite(disparity[at_nodes])
-            & (method.views.left.s[inner] > method.tuning.trust.unlit)
-            & (given.treated | given.firm))
-    own = evidence_of(found.planes, found.around, grid)
-    return Samples(own[:, used].T.astype(float), given.evidence[:, used].T.astype(float),
-                   given.agree[used], given.firm[used], given.treated[used],
-                   error(method.planes)[used], error(found.planes)[used])
+    used = (np.isfinite(truth).all(axis=0) & (given.kind > 0)
+            & (method.views.left.s[inner] > method.tuning.trust.unlit))
+    return Samples(given.own[:, used].T.astype(float), given.evidence[:, used].T.astype(float),
+                   given.kind[used], given.treated[used], given.possible[used],
+                   right(method.planes)[used], right(found.planes)[used])
 
 
 def fitted_model(samples):
     """Return the parameters, a dict of lists, that fit some Samples; each pair counts alike."""
-    third = form_of([(each.own[each.treated], each.error_third[each.treated]) for each in samples])
+    third = form_of([(each.own[each.treated], each.right_third[each.treated])
+                     for each in samples])
     low, high = TUNING.use.odds_limits
 
-    def kept(choose, error):
+    def kept(choose, right):
         chosen = []
         for each in samples:
             evidence = each.evidence.copy()
             evidence[:, 1] = np.where(
-                each.treated, np.clip(quadratic(third, each.own.T), low, high), low)
+                each.treated, np.clip(odds_of(third, each.own), low, high), low)
             at = choose(each)
-            chosen.append((evidence[at], getattr(each, error)[at]))
+            chosen.append((evidence[at], getattr(each, right)[at]))
         return form_of(chosen)
 
-    def apart(each):
-        return each.treated & ~each.agree & ~each.firm
-
     found = {'form': third,
-             'agree': kept(lambda each: each.agree & ~each.firm, 'error_two'),
-             'two_apart': kept(apart, 'error_two'), 'third_apart': kept(apart, 'error_third'),
-             'firm': kept(lambda each: each.firm, 'error_two')}
+             'agree': kept(lambda each: each.kind == AGREE, 'right_two'),
+             'two_apart': kept(lambda each: (each.kind == APART) & each.possible, 'right_two'),
+             'third_apart': kept(lambda each: (each.kind == APART) & each.treated, 'right_third'),
+             'firm': kept(lambda each: each.kind == FIRM, 'right_two')}
     return {name: np.round(found[name], 3).tolist() for name in MODEL_NAMES}
 
 
-def thinned(evidence, error):
+def odds_of(form, evidence):
+    """Return x . form x of x = (1, evidence), evidence (N, K)."""
+    x = np.concatenate([np.ones((len(evidence), 1)), evidence], axis=1)
+    return np.sum((x @ np.asarray(form)) * x, axis=1)
+
+
+def thinned(evidence, right):
     """Return at most MOST of the samples, evenly chosen."""
-    step = max(1, len(error) // MOST)
-    return evidence[::step], error[::step]
+    step = max(1, len(right) // MOST)
+    return evidence[::step], right[::step]
 
 
 def form_of(samples):
-    """Return the quadratic form that fits pairs of (evidence (N, K), error (N,)); all alike."""
+    """Return the quadratic form that fits pairs of (evidence (N, K), share (N,)); all alike."""
     samples = [thinned(*each) for each in samples if len(each[1])]
     inputs = np.concatenate([products(evidence) for evidence, _ in samples])
-    right = np.concatenate([error <= RIGHT for _, error in samples])
+    right = np.concatenate([share for _, share in samples])
     first, second = np.triu_indices(samples[0][0].shape[1] + 1)
     joint = (first > 0) & (second > 0)
-    return quadratic_form(logistic_fit(inputs, right, equal_shares([len(e) for _, e in samples]),
-                                       HOLD + FIRM * joint * inputs.var(axis=0)))
+    return quadratic_form(logistic_fit(inputs, right, equal_shares([len(e) for e, _ in samples]),
+                                       HOLD + STIFF * joint * inputs.var(axis=0)))

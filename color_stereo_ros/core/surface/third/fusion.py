@@ -9,6 +9,7 @@ from ..grid_kernels import F4, PAD
 from ..trust import Verdict
 from ..tuning import TUNING as SURFACE
 from ...status import Status
+from .fusion_kernels import gather_evidence, weigh_forms
 from .sweep_kernels import claim_places, find_contested, places_of_nodes
 from .tuning import TUNING
 
@@ -45,58 +46,34 @@ class FusedPlanes:
         self.grid, self.d, self.a, self.b = grid, d, a, b
 
 
-def evidence_of(planes, misfit, grid):
-    """
-    Return what tells how far a plane of the third view can be trusted, float32 (4, rows, columns).
-
-    Square roots of the cost of the best shifted window, of the mean misfit of 3 x 3 nodes, of the
-    standard deviation (px), and of the mean distance of the four neighbors from the plane (px).
-
-    """
-    use = TUNING.use
-    inner = grid.inner
-    rows, columns = grid.nodes
-    d, a, b = planes.d, planes.a, planes.b
-    apart = np.zeros((rows, columns), F4)
-    for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        there = np.s_[PAD + dy:PAD + dy + rows, PAD + dx:PAD + dx + columns]
-        away = np.abs(d[there] - d[inner] - F4(dx) * a[inner] - F4(dy) * b[inner])
-        apart += np.fmin(away, F4(use.distance_cap))
-    cost = np.fmin(planes.cost[inner], F4(use.misfit_cap))
-    around = np.fmin(misfit[inner], F4(use.misfit_cap))
-    sigma = np.sqrt(np.fmin(planes.variance[inner], F4(use.variance_cap)))
-    return np.sqrt(np.stack([cost, around, sigma, apart / 4]))
-
-
-def quadratic(form, evidence):
-    """Return x . form x of x = (1, evidence); form is upper triangular, float (n + 1, n + 1)."""
-    form = np.asarray(form, F4)
-    total = np.full(evidence.shape[1:], form[0, 0], F4)
-    for i, one in enumerate(evidence, 1):
-        inner = np.full(one.shape, form[0, i], F4)
-        for j in range(i, len(form)):
-            if form[i, j]:
-                inner += form[i, j] * evidence[j - 1]
-        total += one * inner
-    return total
+def known_planes(planes):
+    """Return which nodes have a plane and a variance, bool (rows, columns)."""
+    inner = planes.grid.inner
+    return np.isfinite(planes.d[inner]) & np.isfinite(planes.variance[inner])
 
 
 MODEL_NAMES = 'form', 'agree', 'two_apart', 'third_apart', 'firm'
-EVIDENCE = 'two', 'third', 'witness', 'contested_two', 'contested_third', 'dim'
+EVIDENCE = ('two', 'third', 'witness', 'contested_two', 'contested_third', 'dim', 'nearer',
+            'farther')
+OWN_EVIDENCE = 'cost', 'misfit', 'sigma', 'apart'
+AGREE, FIRM, APART = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
     """What the log-odds of a node are made of; arrays (rows, columns)."""
 
+    own: np.ndarray
+    """float32 (4, rows, columns) of the plane of the third view, see `gather_evidence`."""
     evidence: np.ndarray
-    """float32 (6, rows, columns), see EVIDENCE."""
+    """float32 (8, rows, columns), see EVIDENCE."""
     treated: np.ndarray
     """bool, the third view has a plane."""
-    agree: np.ndarray
-    """bool, both planes say the same."""
-    firm: np.ndarray
-    """bool, two cameras know the place, and the third view agrees."""
+    kind: np.ndarray
+    """
+    uint8, 0: none may have a range; AGREE: both planes say the same; FIRM: two cameras know the
+    place, and the third view agrees; APART: the planes say different things, or one is missing.
+    """
     possible: np.ndarray
     """bool, the two cameras may have a range."""
 
@@ -115,35 +92,44 @@ class Fusion:
 
     def __init__(self, grid, model=None):
         """Take the fitted numbers."""
-        model = vars(TUNING.odds) if model is None else model
+        odds = TUNING.odds
+        if model is None:
+            model = dict(zip(MODEL_NAMES, (odds.form, odds.agree, odds.two_apart,
+                                           odds.third_apart, odds.firm)))
         self.grid = grid
-        self.form, self.agree, self.two_apart, self.third_apart, self.firm = (
-            np.array(model[name], F4) for name in MODEL_NAMES)
-        self.contested = np.zeros((2, *grid.nodes), F4)
+        forms = {name: np.array(model[name], F4) for name in MODEL_NAMES}
+        self.own_form = forms['form'][None]
+        self.two_forms = np.stack([forms[name] for name in ('agree', 'firm', 'two_apart')])
+        self.third_form = forms['third_apart'][None]
+        self.doubts = np.array([0, *TUNING.use.doubts], F4)  # by kind
+        self.own = np.zeros((len(OWN_EVIDENCE), *grid.nodes), F4)
+        self.evidence = np.zeros((len(EVIDENCE), *grid.nodes), F4)
 
     def inputs(self, found, verdict, planes):
         """Return the Inputs of a pair; see `fuse`."""
-        use, inner = TUNING.use, self.grid.inner
-        third = quadratic(self.form, evidence_of(found.planes, found.around, self.grid))
-        low, high = use.odds_limits
-        treated = (np.isfinite(found.planes.d[inner]) & np.isfinite(found.planes.variance[inner])
-                   & found.treated[inner])
-        third = np.where(treated, np.clip(third, F4(low), F4(high)), F4(low))
-        two = np.clip(verdict.log_odds[inner], F4(low), F4(high))
+        use, inner, evidence = TUNING.use, self.grid.inner, self.evidence
+        low, high = (F4(each) for each in use.odds_limits)
+        treated = found.treated[inner] & known_planes(found.planes)
+        evidence[1] = self.own_odds(found.planes, found.around, treated)
+        np.clip(verdict.log_odds[inner], low, high, out=evidence[0])
+        evidence[2] = np.sqrt(np.fmin(found.witness[inner], F4(use.misfit_cap)))
+        self.write_contested(found, planes)
+        evidence[5] = found.dim
+        possible = verdict.log_odds[inner] > HOPELESS / 2
+        kind = np.where(treated | possible, np.uint8(APART), np.uint8(0))
         apart = np.abs(found.planes.d[inner] - planes.d[inner])
-        witness = np.sqrt(np.fmin(found.witness[inner], F4(use.misfit_cap)))
-        contested = self.contested_places(found, two, third, planes)
-        return Inputs(np.stack([two, third, witness, *contested, found.dim]), treated,
-                      treated & (apart < F4(use.agreement)), found.firm[inner],
-                      verdict.log_odds[inner] > HOPELESS / 2)
+        kind[treated & (apart < F4(use.agreement))] = AGREE
+        kind[found.firm[inner]] = FIRM
+        return Inputs(self.own, evidence, treated, kind, possible)
 
-    def own_odds(self, planes, around):
+    def own_odds(self, planes, around, treated):
         """Return the log-odds of planes of the third view alone, float32 (rows, columns)."""
         low, high = TUNING.use.odds_limits
-        odds = quadratic(self.form, evidence_of(planes, around, self.grid))
-        known = np.isfinite(planes.d[self.grid.inner]) & np.isfinite(
-            planes.variance[self.grid.inner])
-        return np.where(known, np.clip(odds, F4(low), F4(high)), HOPELESS)
+        gather_evidence(planes.d, planes.a, planes.b, planes.cost, planes.variance, around,
+                        treated, self.own, self.evidence[6:])
+        odds = np.full(treated.shape, low, F4)
+        weigh_forms(self.own, treated.view(np.uint8), self.own_form, odds)
+        return np.clip(odds, F4(low), F4(high), out=odds)
 
     def alone(self, planes, odds, std, lit, left):
         """
@@ -165,7 +151,7 @@ class Fusion:
         """
         grid, inner = self.grid, self.grid.inner
         log_odds = np.full(grid.shape, HOPELESS, F4)
-        log_odds[inner] = np.where(lit[inner], odds, HOPELESS)
+        log_odds[inner] = np.where(lit[inner] & known_planes(planes), odds, HOPELESS)
         log_odds[:, PAD - 1] = log_odds[:, PAD]
         log_odds[:, PAD + grid.columns] = log_odds[:, PAD + grid.columns - 1]
         reason = np.full(grid.shape, Status.IMPLAUSIBLE, np.uint8)
@@ -175,23 +161,22 @@ class Fusion:
         return Fused(FusedPlanes(grid, planes.d, planes.a, planes.b),
                      Verdict(std, log_odds, reason), views, np.ones(grid.shape, bool))
 
-    def contested_places(self, found, two, third, planes):
-        """Return for both planes the odds of another surface at the same place of the pattern."""
-        use, (rows, columns) = TUNING.use, self.grid.nodes
-        projected = found.projected
+    def write_contested(self, found, planes):
+        """Write for both planes the odds of another surface at the same place of the pattern."""
+        use, (rows, columns), inner = TUNING.use, self.grid.nodes, self.grid.inner
+        projected, evidence = found.projected, self.evidence
         cell = F4(2 * projected.scale * use.cell)
         height, width = (int(count / cell) + 1 for count in projected.size)
         best, owner = np.empty((2, height, width), F4)
-        both = [planes.d[self.grid.inner], found.planes.d[self.grid.inner]]
+        both = planes.d[inner], found.planes.d[inner]
         places = np.empty((2, 2, rows, columns), F4)
         for each, out in zip((planes.d, found.planes.d), places):
             places_of_nodes(projected.sweep, each, 1, out)
-        taken = third > two
-        claim_places(np.where(taken, both[1], both[0]), np.maximum(two, third),
+        taken = evidence[1] > evidence[0]
+        claim_places(np.where(taken, both[1], both[0]), np.maximum(evidence[0], evidence[1]),
                      np.where(taken, places[1], places[0]), cell, best, owner)
-        for d, place, out in zip(both, places, self.contested):
+        for d, place, out in zip(both, places, evidence[3:5]):
             find_contested(d, place, cell, F4(use.contest_distance), best, owner, out)
-        return self.contested
 
     def fuse(self, found, verdict, planes):
         """
@@ -210,20 +195,21 @@ class Fusion:
         fused : Fused
 
         """
-        inner, use = self.grid.inner, TUNING.use
-        given = self.inputs(found, verdict, planes)
-        together = given.agree & ~given.firm
-        apart = given.treated & ~given.agree & ~given.firm
-        odds = verdict.log_odds[inner].copy()
-        for nodes, form in ((together, self.agree), (given.firm, self.firm)):
-            odds[nodes] = quadratic(form, given.evidence[:, nodes])
-        evidence = given.evidence[:, apart]
-        two = np.where(given.possible[apart], quadratic(self.two_apart, evidence), HOPELESS)
-        third = quadratic(self.third_apart, evidence)
-        odds[apart] = np.maximum(two, third)
-        takes_third = together & (given.evidence[0] < F4(use.kept_odds))
-        takes_third[apart] = third > two
-        return self.assembled(found, verdict, planes, takes_third, given.agree | given.firm, odds)
+        given, kept = self.inputs(found, verdict, planes), F4(TUNING.use.kept_odds)
+        odds = verdict.log_odds[self.grid.inner].copy()
+        weigh_forms(given.evidence, given.kind, self.two_forms, odds)
+        apart = given.kind == APART
+        odds[apart & ~given.possible] = HOPELESS
+        third = np.full(odds.shape, HOPELESS, F4)
+        weigh_forms(given.evidence, (apart & given.treated).view(np.uint8), self.third_form,
+                    third)
+        takes_third = (third > odds) | ((given.kind == AGREE) & (given.evidence[0] < kept))
+        np.maximum(odds, third, out=odds)
+        doubts = self.doubts[given.kind]
+        doubts[apart & ~given.possible] = 0  # nothing of two cameras was there to be lost
+        odds -= doubts
+        return self.assembled(found, verdict, planes, takes_third,
+                              (given.kind == AGREE) | (given.kind == FIRM), odds)
 
     def assembled(self, found, verdict, planes, takes_third, agree, odds):
         """Return the Fused of the nodes that take the third plane, and of all log-odds."""
@@ -244,4 +230,3 @@ class Fusion:
                         | np.where(takes_third | agree, PROJECTOR, 0))
         return Fused(FusedPlanes(grid, d, a, b), Verdict(std, log_odds, reason), views,
                      everywhere)
-

@@ -37,14 +37,14 @@ class SweepSearch:
         self.first = float(limits[0]) - spacing
         self.cost, self.summed, self.total = (arena.empty((h, w, depth), I2) for _ in range(3))
         self.scratch = arena.empty((BANDS, w // BANDS + 2, depth + 2), I2)
-        self.best, self.gap = arena.empty((2, h, w), F4)
+        self.best = arena.empty((h, w), F4)
 
     @property
     def step(self):
         """Return the pixels per coarse node."""
         return 2 * self.coarse.factor
 
-    def search(self, image, size, colors, light, known, sweep):
+    def search(self, image, size, colors, light, known, wanted, sweep):
         """
         Search one pair.
 
@@ -58,6 +58,8 @@ class SweepSearch:
         light : numpy.ndarray, float32, shape (3, h, w)
         known : numpy.ndarray, float32, shape (h, w)
             Disparity that stereo knows, px; NaN = unknown.
+        wanted : numpy.ndarray, bool, shape (h, w)
+            Coarse nodes that are compared; all others take the disparities of those around.
         sweep : numpy.ndarray, float32, shape (3, 4)
             To the pixels of this image.
 
@@ -71,7 +73,7 @@ class SweepSearch:
         left = coarse.upright.left
         cap, neutral = coarse.costs
         center = F4((self.step - 1) / 2)
-        sweep_costs(left[0], left[1], left[3], image, size, colors, light,
+        sweep_costs(left[0], left[1], left[3] * wanted, image, size, colors, light,
                     (known - F4(self.first)) / F4(self.spacing), sweep, center, F4(self.step),
                     F4(self.first), F4(self.spacing), coarse.scale, cap, neutral,
                     F4(tuning.known_slope * cap), self.cost)
@@ -80,6 +82,6 @@ class SweepSearch:
         guard = I2(tuning.guard_cost)
         paths_along_rows(self.summed, small, large, guard, self.total, self.scratch)
         paths_along_columns(self.summed, small, large, guard, self.total, self.scratch)
-        cheapest_disparities(self.total, tuning.rival_distance, self.best, self.gap)
+        cheapest_disparities(self.total, self.best)
         disparity = F4(self.first) + F4(self.spacing) * self.best
         return Seeds(disparity / F4(self.step), coarse.factor, None, 0.0)

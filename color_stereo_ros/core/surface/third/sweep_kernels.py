@@ -141,69 +141,76 @@ def places_of_nodes(sweep, d, step, out):
 
 
 @part()
-def any_of(nodes):
-    """Return whether one of some nodes is True."""
-    for x in range(nodes.size):
-        if nodes[x]:
-            return True
-    return False
+def any_below(values, bounds):
+    """Return whether any entry is smaller than its bound; NaN is not."""
+    found = False
+    for x in range(values.size):
+        found |= values[x] < bounds[x]
+    return found
 
 
 @banded(fastmath=FAST)
 def linearize_sweep(k, left_u, left_v, left_var, flat, size, colors, light, unrest, sweep, d,
-                    tiles, region, robust_misfit, scale, phase, reference, weight, moment,
-                    misfit):
+                    tiles, region, robust_misfit, scale, phase, reference, known_weight,
+                    known_moment, weight, moment, misfit):
     """
     Compare the nodes of some tiles with the pattern, and linearize there; only those in region.
 
     As `plane_kernels.linearize`; the pattern has no noise. The variance of a color is scale unrest
     left_var + phase g.g. light, float32 (3, framed): red and blue against green, and the share of
-    the color that is left. A place outside the pattern: weight = moment = 0, misfit NaN. flat is
-    the pattern image of size (height, width).
+    the color that is left. known_weight and known_moment are what is
+    known of the nodes otherwise; they are added. The misfit of places outside the pattern is NaN.
+    flat is the pattern image of size (height, width).
 
     """
     one = F4(1)
     m, c = numbers(sweep), numbers(colors)
-    weights, moments, misfits, xs = stack_row(), stack_row(), stack_row(), stack_row()
+    at, weights, moments, misfits = stack_integers(), stack_row(), stack_row(), stack_row()
+    own_u, own_v, noises = stack_row(), stack_row(), stack_row()
+    xs, ds, red, blue, gray = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
     color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
     first, last = band(k, tiles.shape[0])
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
         right = left + TILE_COLUMNS
-        for x in range(TILE_COLUMNS):
-            xs[x] = F4(2 * (left - PAD + x)) + F4(0.5)
         for y in range(top, top + TILE_ROWS):
             out_weight, out_moment = weight[y, left:right], moment[y, left:right]
-            out_misfit, wanted = misfit[y, left:right], region[y, left:right]
-            if not any_of(wanted):
-                out_weight[:] = F4(0)
-                out_moment[:] = F4(0)
-                out_misfit[:] = NAN
+            out_misfit = misfit[y, left:right]
+            for x in range(left, right):
+                weight[y, x], moment[y, x] = known_weight[y, x], known_moment[y, x]
+                misfit[y, x] = NAN
+            count = 0
+            for x in range(left, right):
+                if region[y, x] & (left_var[y, x] < SILENT_VARIANCE):
+                    at[count] = I2(x - left)
+                    xs[count] = F4(2 * (x - PAD)) + F4(0.5)
+                    ds[count] = d[y, x]
+                    red[count], blue[count], gray[count] = (light[0, y, x], light[1, y, x],
+                                                            light[2, y, x])
+                    own_u[count], own_v[count] = left_u[y, x], left_v[y, x]
+                    noises[count] = scale * unrest[y, x] * left_var[y, x]
+                    count += 1
+            if count == 0:
                 continue
-            own_u, own_v, noises = (left_u[y, left:right], left_v[y, left:right],
-                                    left_var[y, left:right])
-            rough, places = unrest[y, left:right], d[y, left:right]
-            see(flat, size, m, c, MARGIN, TILE_COLUMNS, xs, F4(2 * (y - PAD)) + F4(0.5), places,
-                light[0, y, left:right], light[1, y, left:right], light[2, y, left:right],
-                color_u, color_v, slope_u, slope_v)
-            for x in range(TILE_COLUMNS):
-                here, noise = places[x], noises[x]
-                known = (color_u[x] == color_u[x]) & (noise < SILENT_VARIANCE) & wanted[x]
-                error_u, error_v = own_u[x] - color_u[x], own_v[x] - color_v[x]
-                steep = slope_u[x] * slope_u[x] + slope_v[x] * slope_v[x]
-                w = one / (scale * rough[x] * noise + phase * steep)
+            whole = (count + 7) & ~7  # vectors of 8; what is left from before is not used
+            see(flat, size, m, c, MARGIN, whole, xs, F4(2 * (y - PAD)) + F4(0.5), ds, red, blue,
+                gray, color_u, color_v, slope_u, slope_v)
+            for n in range(whole):
+                error_u, error_v = own_u[n] - color_u[n], own_v[n] - color_v[n]
+                steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
+                w = one / (noises[n] + phase * steep)
                 chi = w * (error_u * error_u + error_v * error_v)
                 w = w / (one + chi / robust_misfit)
-                strength = w * steep
-                asked = (strength * (here - reference)
-                         + w * (slope_u[x] * error_u + slope_v[x] * error_v))
-                weights[x] = strength if known else F4(0)
-                moments[x] = asked if known else F4(0)
-                misfits[x] = chi if known else NAN
-            for x in range(TILE_COLUMNS):
-                out_weight[x] = weights[x]
-                out_moment[x] = moments[x]
-                out_misfit[x] = misfits[x]
+                weights[n] = w * steep
+                moments[n] = (w * steep * (ds[n] - reference)
+                              + w * (slope_u[n] * error_u + slope_v[n] * error_v))
+                misfits[n] = chi
+            for n in range(count):
+                if color_u[n] == color_u[n]:
+                    x = at[n]
+                    out_weight[x] += weights[n]
+                    out_moment[x] += moments[n]
+                    out_misfit[x] = misfits[n]
 
 
 @banded(fastmath=FAST)
@@ -216,39 +223,42 @@ def sweep_misfits(k, left_u, left_v, left_var, flat, size, colors, light, unrest
 
     """
     m, c = numbers(sweep), numbers(colors)
-    misfits, xs, places = stack_row(), stack_row(), stack_row()
+    at, misfits = stack_integers(), stack_row()
+    own_u, own_v, noises = stack_row(), stack_row(), stack_row()
+    xs, ds, red, blue, gray = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
     color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
     first, last = band(k, tiles.shape[0])
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
-        right, begin = left + TILE_COLUMNS, left + step_x
-        stop = begin + TILE_COLUMNS
-        for x in range(TILE_COLUMNS):
-            xs[x] = F4(2 * (left - PAD + x)) + F4(0.5)
+        right = left + TILE_COLUMNS
         for y in range(top, top + TILE_ROWS):
-            out_misfit, wanted = out[y, left:right], region[y, left:right]
-            if not any_of(wanted):
-                out_misfit[:] = cap
+            out_misfit = out[y, left:right]
+            out_misfit[:] = cap
+            there, count = y + step_y, 0
+            for x in range(left, right):
+                if region[y, x] & (left_var[y, x] < SILENT_VARIANCE):
+                    at[count] = I2(x - left)
+                    xs[count] = F4(2 * (x - PAD)) + F4(0.5)
+                    ds[count] = (d[there, x + step_x] - a[there, x + step_x] * F4(step_x)
+                                 - b[there, x + step_x] * F4(step_y))
+                    red[count], blue[count], gray[count] = (light[0, y, x], light[1, y, x],
+                                                            light[2, y, x])
+                    own_u[count], own_v[count] = left_u[y, x], left_v[y, x]
+                    noises[count] = scale * unrest[y, x] * left_var[y, x]
+                    count += 1
+            if count == 0:
                 continue
-            own_u, own_v, noises = (left_u[y, left:right], left_v[y, left:right],
-                                    left_var[y, left:right])
-            rough, there = unrest[y, left:right], y + step_y
-            dd, aa, bb = d[there, begin:stop], a[there, begin:stop], b[there, begin:stop]
-            for x in range(TILE_COLUMNS):
-                places[x] = dd[x] - aa[x] * F4(step_x) - bb[x] * F4(step_y)
-            see(flat, size, m, c, MARGIN, TILE_COLUMNS, xs, F4(2 * (y - PAD)) + F4(0.5), places,
-                light[0, y, left:right], light[1, y, left:right], light[2, y, left:right],
-                color_u, color_v, slope_u, slope_v)
-            for x in range(TILE_COLUMNS):
-                known = (color_u[x] == color_u[x]) & (noises[x] < SILENT_VARIANCE) & wanted[x]
-                error_u, error_v = own_u[x] - color_u[x], own_v[x] - color_v[x]
-                steep = slope_u[x] * slope_u[x] + slope_v[x] * slope_v[x]
-                chi = (error_u * error_u + error_v * error_v) / (
-                    scale * rough[x] * noises[x] + phase * steep)
-                chi = chi if chi < cap else cap
-                misfits[x] = chi if known else cap
-            for x in range(TILE_COLUMNS):
-                out_misfit[x] = misfits[x]
+            whole = (count + 7) & ~7
+            see(flat, size, m, c, MARGIN, whole, xs, F4(2 * (y - PAD)) + F4(0.5), ds, red, blue,
+                gray, color_u, color_v, slope_u, slope_v)
+            for n in range(whole):
+                error_u, error_v = own_u[n] - color_u[n], own_v[n] - color_v[n]
+                steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
+                misfits[n] = (error_u * error_u + error_v * error_v) / (
+                    noises[n] + phase * steep)
+            for n in range(count):
+                if misfits[n] < cap:
+                    out_misfit[at[n]] = misfits[n]
 
 
 @banded(fastmath=FAST)
@@ -257,16 +267,23 @@ def take_better(k, d, a, b, step_y, step_x, tiles, cost, best, new_d, new_a, new
     first, last = band(k, tiles.shape[0])
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
+        right, begin = left + TILE_COLUMNS, left + step_x
+        stop = begin + TILE_COLUMNS
         for y in range(top, top + TILE_ROWS):
-            for x in range(left, left + TILE_COLUMNS):
-                there_y, there_x = y + step_y, x + step_x
-                here = (d[there_y, there_x] - a[there_y, there_x] * F4(step_x)
-                        - b[there_y, there_x] * F4(step_y))
-                if (cost[y, x] < best[y, x]) & (here == here):
-                    best[y, x] = cost[y, x]
-                    new_d[y, x] = here
-                    new_a[y, x] = a[there_y, there_x]
-                    new_b[y, x] = b[there_y, there_x]
+            costs, least = cost[y, left:right], best[y, left:right]
+            if not any_below(costs, least):
+                continue
+            there = y + step_y
+            dd, aa, bb = d[there, begin:stop], a[there, begin:stop], b[there, begin:stop]
+            out_d, out_a, out_b = (new_d[y, left:right], new_a[y, left:right],
+                                   new_b[y, left:right])
+            for x in range(TILE_COLUMNS):
+                here = dd[x] - aa[x] * F4(step_x) - bb[x] * F4(step_y)
+                if (costs[x] < least[x]) & (here == here):
+                    least[x] = costs[x]
+                    out_d[x] = here
+                    out_a[x] = aa[x]
+                    out_b[x] = bb[x]
 
 
 @banded(fastmath=FAST)
@@ -399,35 +416,26 @@ def paths_along_columns(k, cost, small, large, guard, total, scratch):
 
 
 @banded()
-def cheapest_disparities(k, total, distance, best, gap):
-    """
-    Write the index of the lowest cost of every node, refined by a V, and the gap to a rival.
-
-    A rival is more than `distance` indices away.
-
-    """
+def cheapest_disparities(k, total, best):
+    """Write the index of the lowest cost of every node of a volume (h, w, D), refined by a V."""
     rows, columns, depth = total.shape
     first, last = band(k, rows)
     for y in range(first, last):
         for x in range(columns):
             costs = total[y, x]
-            at, least = 0, I4(LARGEST)
+            least = LARGEST
             for n in range(depth):
-                if costs[n] < least:
-                    least = I4(costs[n])
-                    at = n
-            rival = I4(LARGEST)
-            for n in range(depth):
-                if abs(n - at) > distance:
-                    rival = min(rival, I4(costs[n]))
+                least = min(least, costs[n])
+            at = 0
+            while costs[at] != least:
+                at += 1
             place = F4(at)
             if 0 < at < depth - 1:
                 before, after = I4(costs[at - 1]), I4(costs[at + 1])
-                rise = max(before, after) - least
+                rise = max(before, after) - I4(least)
                 if rise > 0:
                     place += F4(0.5) * F4(before - after) / F4(rise)
             best[y, x] = place
-            gap[y, x] = F4(rival - least)
 
 
 @serial()

@@ -10,9 +10,9 @@ from ...compiled import Arena
 from ...projector.model import COUNT, ProjectorModel
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
-from ..planes import LeastSquares, PlaneField
+from ..planes import LeastSquares, Linearized, PlaneField
 from .colors import explained, fitted_colors, Light, local_light
-from .fusion import Fusion
+from .fusion import Fusion, known_planes
 from .projected import Projected
 from .search import SweepSearch
 from .sweep import geometry_variance
@@ -69,7 +69,11 @@ class ThirdView:
         self.witness_solver = LeastSquares(grid, method.limits, method.settings.matching,
                                            method.tuning.planes, arena)
         self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
-        self.everywhere = np.ones(grid.shape, bool)
+        self.known = Linearized(*(arena.zeros(grid.shape, F4) for _ in range(2)))
+        rows, columns = np.indices(grid.shape)
+        self.checkered = (rows + columns) % 2 == 0
+        self.checkered_share = cv2.blur(self.checkered.astype(F4), (3, 3))
+        self.nothing_known = Linearized(*(arena.zeros(grid.shape, F4) for _ in range(2)))
         self.projected = self.prepared = self.search = self.found = self.last_light = None
         self.fusion = Fusion(grid)
 
@@ -128,21 +132,32 @@ class ThirdView:
         light = self.light(planes, known)
         if light is None:
             return None
-        self.linearize(self.witness_solver, planes, light, self.grid.tiles, self.everywhere,
-                       self.seen.misfit)
-        witness = self.around(self.seen.misfit)
+        witness = self.witness(planes, light)
         firm = np.zeros(self.grid.shape, bool)
         firm[inner] = known & (witness[inner] < F4(use.firm_misfit))
         if np.count_nonzero(firm) < use.least_agreement * np.count_nonzero(known):
             return None
-        lit = np.zeros(self.grid.shape, bool)
-        left = self.views.left
-        lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
+        dim = self.dim(firm)
+        lit = self.lit()
+        lit[inner] &= dim < F4(use.shadow_dim)
         region = self.region_of(lit & ~firm)
         self.fill(planes, firm, light, linearized, pair, region)
         return Found(self.planes, firm, witness, region & lit,
-                     self.around(self.planes.misfit), self.std(), self.dim(firm),
-                     self.projected)
+                     self.around(self.planes.misfit), self.std(), dim, self.projected)
+
+    def witness(self, planes, light):
+        """Return the mean misfit around the nodes at planes, from every other node, float32."""
+        misfit = self.seen.misfit
+        self.linearize(self.witness_solver, planes, light, self.grid.tiles, self.checkered,
+                       misfit, self.nothing_known)
+        capped = np.fmin(misfit, F4(TUNING.use.misfit_cap))
+        return cv2.blur(capped * self.checkered, (3, 3)) / self.checkered_share
+
+    def lit(self):
+        """Return the nodes whose color says something, bool framed."""
+        lit, left, inner = np.zeros(self.grid.shape, bool), self.views.left, self.grid.inner
+        lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
+        return lit
 
     def fused(self, planes, verdict, linearized, pair):
         """Return the Fused of two cameras and the pattern, None where it explains nothing."""
@@ -169,8 +184,7 @@ class ThirdView:
         """
         self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
         nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
-        self.linearize(self.witness_solver, planes, light, self.grid.tiles[:1], nothing,
-                       self.seen.misfit)
+        self.witness(planes, light)
         self.fill(planes, nothing, light, self.solver.linearized, PairModel.neutral(self.views),
                   nothing)
         around = self.around(self.planes.misfit)
@@ -196,7 +210,8 @@ class ThirdView:
     def std(self):
         """Return the standard deviations of the planes of the third view, px, float32 framed."""
         variance = F4(TUNING.use.variance_factor) * self.planes.variance
-        d = self.planes.d[self.grid.inner]
+        thin = self.coarse.factor
+        d = self.planes.d[self.grid.inner][::thin, ::thin]
         middle = float(np.nanmedian(d)) if np.isfinite(d).any() else float(np.mean(self.limits))
         variance[self.grid.inner] += cv2.resize(
             geometry_variance(self.projected.model, self.geometry, middle).astype(F4),
@@ -219,14 +234,11 @@ class ThirdView:
         left, coarse, grid = self.views.left, self.coarse, self.grid
         coarse.fill_colors(left, self.views.right)
         light = self.neutral_light() if self.last_light is None else self.last_light
-        lit = np.zeros(grid.shape, bool)
-        lit[grid.inner] = ((left.variance[grid.inner] < SILENT_VARIANCE)
-                           & (left.s[grid.inner] > F4(1)))
-        nothing = np.zeros(grid.shape, bool)
+        lit, nothing = self.lit(), np.zeros(grid.shape, bool)
         for _ in range(TUNING.use.alone_rounds):
             self.fill(self.planes, nothing, light, self.solver.linearized, pair, lit)
             around = self.around(self.planes.misfit)
-            odds = self.fusion.own_odds(self.planes, around)
+            odds = self.fusion.own_odds(self.planes, around, known_planes(self.planes))
             better = self.light(self.planes, odds > F4(TUNING.use.firm_odds))
             light = light if better is None else better
         return self.fusion.alone(self.planes, odds, self.std(), lit, left)
@@ -295,14 +307,19 @@ class ThirdView:
                                           interpolation=cv2.INTER_LINEAR)
         return out
 
-    def linearize(self, solver, planes, light, tiles, region, misfit):
-        """Write solver.linearized and misfit, framed, of the region of some tiles at planes."""
+    def linearize(self, solver, planes, light, tiles, region, misfit, known):
+        """
+        Write solver.linearized and misfit, framed, of the region of some tiles at planes.
+
+        known : Linearized, is added.
+
+        """
         left, projected = self.views.left, self.projected
         linearize_sweep(left.u, left.v, left.variance, light.pattern.image, projected.size,
                         light.colors, light.local, light.unrest, projected.sweep, planes.d,
                         tiles, region, F4(TUNING.use.robust_misfit), light.scale, self.phase,
-                        solver.reference, solver.linearized.weight, solver.linearized.moment,
-                        misfit)
+                        solver.reference, known.weight, known.moment, solver.linearized.weight,
+                        solver.linearized.moment, misfit)
         return solver.linearized
 
     @property
@@ -332,29 +349,24 @@ class ThirdView:
     def fill(self, planes, firm, light, linearized, pair, region):
         """Search and fit the nodes of a region; firm nodes anchor them."""
         tiles = self.tiles_with(region)
-        mine, solver = self.planes, self.solver
+        mine, solver, known = self.planes, self.solver, self.known
         seeds = self.search.search(
             light.pattern.coarse_image, self.projected.size, light.colors, self.coarse_light,
-            self.coarse_known(planes, firm), self.projected.sweep)
+            self.coarse_known(planes, firm), self.coarsened(region) > 0, self.projected.sweep)
         mine.seed(seeds)
         for own, given in zip((mine.d, mine.a, mine.b), (planes.d, planes.a, planes.b)):
             np.copyto(own, given, where=firm)
+        for own, told, given in zip((solver.linearized.weight, solver.linearized.moment),
+                                    (known.weight, known.moment),
+                                    (linearized.weight, linearized.moment)):
+            np.multiply(given, firm, out=told)  # firm nodes tell what the two cameras know, too
+            np.copyto(own, told)  # also beyond the tiles, where nothing of another pair is left
         mine.misfit.fill(np.nan)
         for turn, steps in enumerate(TUNING.use.steps):
             self.propagate(light, tiles, region, steps)
-            self.fit(light, linearized, firm, pair, tiles, region, turn)
-        self.linearize(solver, mine, light, tiles, region, mine.misfit)
-
-    def fit(self, light, linearized, firm, pair, tiles, region, turn):
-        """Fit the planes of some tiles; firm nodes tell what the two cameras know, too."""
-        mine, solver = self.planes, self.solver
-        # windows reach beyond the tiles, where nothing is to be left of another round or pair
-        solver.linearized.weight.fill(0)
-        solver.linearized.moment.fill(0)
-        own = self.linearize(solver, mine, light, tiles, region, mine.misfit)
-        own.weight[firm] += linearized.weight[firm]
-        own.moment[firm] += linearized.moment[firm]
-        solver.fit(own, self.views, mine, pair, tiles, turn)
+            own = self.linearize(solver, mine, light, tiles, region, mine.misfit, known)
+            solver.fit(own, self.views, mine, pair, tiles, turn)
+        self.linearize(solver, mine, light, tiles, region, mine.misfit, known)
 
     def propagate(self, light, tiles, region, steps):
         """Let the nodes of a region try the planes of their neighbors."""
@@ -380,17 +392,17 @@ class ThirdView:
                                 new.b)
             mine.cost[...] = best
 
+    def coarsened(self, nodes):
+        """Return the means of coarse nodes, float32 (h, w), of numbers of nodes, framed."""
+        (h, w), f = self.coarse.disparity.shape, self.coarse.factor
+        area = np.ascontiguousarray(nodes[self.grid.inner][:h * f, :w * f], F4)
+        return cv2.resize(area, (w, h), interpolation=cv2.INTER_AREA)
+
     def coarse_known(self, planes, firm):
         """Return the disparity of the coarse nodes that are firm, px, float32; NaN elsewhere."""
-        f = self.coarse.factor
-        h, w = self.coarse.disparity.shape
-        area = np.s_[:h * f, :w * f]
-        inner = self.grid.inner
-        ok = firm[inner][area].reshape(h, f, w, f)
-        d = np.where(firm[inner], planes.d[inner], 0)[area].reshape(h, f, w, f)
-        count = ok.sum(axis=(1, 3))
-        mean = d.sum(axis=(1, 3)) / np.maximum(count, 1)
-        return np.where(count == f * f, mean, np.nan).astype(F4)
+        share = self.coarsened(firm)
+        mean = self.coarsened(np.where(firm, planes.d, F4(0)))
+        return np.where(share > F4(TUNING.use.whole_share), mean, F4(np.nan))
 
 
 def some_projector(geometry):
