@@ -30,7 +30,7 @@ def running(tmp_path_factory):
         'range.min_depth': FOCAL_BASELINE / LIMITS[1], 'range.max_depth': FOCAL_BASELINE / LIMITS[0],
         'pattern.width': PATTERN.width, 'pattern.height': PATTERN.height,
         'pattern.feature_size': PATTERN.feature_size, 'output.diagnostics_period': 0.1,
-        'sync.warn_after': 1.0}
+        'sync.warn_after': 1.0, 'matching.third_view': 'automatic'}
     with answering(tmp_path_factory.mktemp('projector') / 'log.txt', parameters, {}, None) as rig:
         for topic, kind in TOPICS.items():
             rig.listen(kind, topic)

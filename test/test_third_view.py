@@ -28,7 +28,7 @@ def settings(**changes):
     """Return settings for the wall and the plate."""
     focal_baseline = CALIBRATION.geometry.focal_baseline
     values = {'range.min_depth': focal_baseline / LIMITS[1],
-              'range.max_depth': focal_baseline / LIMITS[0],
+              'range.max_depth': focal_baseline / LIMITS[0], 'matching.third_view': 'automatic',
               **{name.replace('__', '.'): value for name, value in changes.items()}}
     return Settings(pattern=PATTERN).updated(values)
 

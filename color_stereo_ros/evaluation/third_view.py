@@ -107,7 +107,7 @@ def compared(scene, case, exact, seed=1):
     pair, truth = shots.pair(rig, 1), shots.truth(rig.mounting)
     near, far = scene.depth_limits
     settings = Settings().updated({'range.min_depth': near, 'range.max_depth': far,
-                                   **rig.settings})
+                                   'matching.third_view': 'automatic', **rig.settings})
     stereo = ColorStereo(scene.calibration, settings)
     stereo.use_projector(None)
     rows = {'two views': timed(lambda: stereo.process(*pair), truth)}

@@ -61,7 +61,8 @@ def lit_pair(folder, options):
     shots = Shots(scene, options.seed)
     pair, truth = shots.pair(rig, 1), shots.truth(rig.mounting)
     near, far = scene.depth_limits
-    settings = Settings().updated({'range.min_depth': near, 'range.max_depth': far})
+    settings = Settings().updated({'range.min_depth': near, 'range.max_depth': far,
+                                   'matching.third_view': 'automatic'})
     result = ColorStereo(scene.calibration, settings).process(*pair)
     size = result.geometry.width, result.geometry.height
     projector = ProjectorFinder(make_pattern(settings.pattern), size).find(
