@@ -30,6 +30,8 @@ def known_result(unknown=((3, 4), (5, 6))):
     deviation = np.where(status == 0, np.float32(0.125), np.float32(np.nan))
     return RangeResult(disparity=disparity, depth=depth, confidence=np.ones_like(depth),
                        status=status, disparity_std=deviation.astype(np.float32),
+                       views=np.where(status == 0, 1 + np.arange(status.size).reshape(
+                           status.shape) % 3, 0).astype(np.uint8),
                        image_source=image, geometry=GEOMETRY, disparity_limits=limits)
 
 

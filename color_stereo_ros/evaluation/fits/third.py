@@ -80,7 +80,8 @@ def fit(pairs, options):
 
 def samples_of(pair):
     """Measure a pair with its projector and return its Samples."""
-    stereo = ColorStereo(pair.calibration, pair.settings)
+    stereo = ColorStereo(pair.calibration, pair.settings.updated(
+        {'matching.third_view': 'automatic'}))
     stereo.use_projector(pair.projector)
     stereo.process(pair.left, pair.right)
     return samples_from(stereo, pair.disparity)
