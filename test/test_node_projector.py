@@ -27,7 +27,8 @@ LEFT = 'views/image'
 def running(tmp_path_factory):
     """Yield a rig under a projector, whose node has found it."""
     parameters = {
-        'range.min_depth': FOCAL_BASELINE / LIMITS[1], 'range.max_depth': FOCAL_BASELINE / LIMITS[0],
+        'range.min_depth': FOCAL_BASELINE / LIMITS[1],
+        'range.max_depth': FOCAL_BASELINE / LIMITS[0],
         'pattern.width': PATTERN.width, 'pattern.height': PATTERN.height,
         'pattern.feature_size': PATTERN.feature_size, 'output.diagnostics_period': 0.1,
         'sync.warn_after': 1.0, 'matching.third_view': 'automatic'}

@@ -399,8 +399,8 @@ def test_nothing_compiles_after_a_projector_is_taken():
     rig = ColorStereo(CALIBRATION, settings())
     rig.use_projector(projector())
     kernels = (gather_evidence, weigh_forms, claim_places, find_contested, linearize_sweep,
-               paths_along_columns, sweep_costs, paths_along_rows, places_of_nodes, sum_windows, sweep_misfits, take_better,
-               cheapest_disparities)
+               paths_along_columns, sweep_costs, paths_along_rows, places_of_nodes, sum_windows,
+               sweep_misfits, take_better, cheapest_disparities)
     before = [len(kernel.signatures) for kernel in kernels]
     result = rig.process(*pair())
     assert (result.views & 2).any()

@@ -8,8 +8,8 @@ from ..errors import RecordingError
 from ..messages.contents import CameraInfo, Image
 
 COMPRESSED = 'sensor_msgs/msg/CompressedImage'
-DECOMPRESS = ('`ros2 run image_transport republish compressed raw` makes raw images of them, which '
-              'can be recorded')
+DECOMPRESS = ('`ros2 run image_transport republish compressed raw` makes raw images of them, '
+              'which can be recorded')
 
 OPTIONS = '--left-image', '--right-image', '--left-info', '--right-info'
 """The options of the command line that name the topics, in the order of `StereoTopics`."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .adjustment import (
-    adjust, carried_prior, free_prior, moved, predicted, robust_scale, State, to_parameters, to_unknowns)
+    adjust, carried_prior, free_prior, moved, predicted, robust_scale, State, to_parameters,
+    to_unknowns)
 from .finding import Reason
 from .model import COUNT, ProjectorModel
 from .patches import chromatic, placed, sites

@@ -835,8 +835,8 @@ class BrightnessTuning(Constants):
                'evening out their noise took half of the ranges.'))
     unlike_scale: float = constant(
         1.0, '1', 'Scale of the variance of colors or brightness above which the views differ.',
-        chosen('.1 to .9; one view blurred by 2 px 4.9 in gray speckle and print, 20 in the default '
-               'pattern.'))
+        chosen('.1 to .9; one view blurred by 2 px 4.9 in gray speckle and print, 20 in the '
+               'default pattern.'))
     agreement_odds: float = constant(
         1.5, '1', 'Added to the log-odds of nodes whose plane the search confirms, and taken from '
         'those where it contradicts.',

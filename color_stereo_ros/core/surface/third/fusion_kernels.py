@@ -66,7 +66,7 @@ def gather_evidence(k, d, a, b, cost, variance, misfit, treated, own, steps):
 @banded(fastmath=FAST)
 def weigh_forms(k, evidence, kind, forms, out):
     """
-    Write x . forms[n - 1] x of x = (1, evidence) at the nodes of kind n; others keep what is there.
+    Write x . forms[n - 1] x of x = (1, evidence) at the nodes of kind n; others stay.
 
     evidence float32 (K, rows, columns), kind uint8 (rows, columns), 0 = none, forms float32
     (N, K + 1, K + 1), upper triangular, out float32 (rows, columns).

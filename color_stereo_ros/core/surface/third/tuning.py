@@ -173,8 +173,8 @@ class UseTuning(Constants):
         2.0, 'px', 'Largest distance of a neighbor that counts as evidence.',
         derived('As `trust.distance_cap`.'), compiled=True)
     doubts: tuple = constant(
-        (0.75, 0.0, 0.75), '1', 'By how much log-odds are lowered where planes of both agree, where '
-        'two cameras know the place, and where the planes differ.',
+        (0.75, 0.0, 0.75), '1', 'By how much log-odds are lowered where planes of both agree, '
+        'where two cameras know the place, and where the planes differ.',
         chosen('Ten scenes, each fitted without it: as few wrong and false ranges as two views '
                'give. 0: .3 % more of the visible pixels are wrong.'))
     odds_limits: tuple = constant(
