@@ -87,10 +87,7 @@ def with_views_legend(picture):
 @lru_cache(maxsize=8)
 def _views_legend(height):
     """Return the colors of who saw a pixel with their names, RGB."""
-    most = max((height - _MARGIN) // _LINE, 1)
-    names = [(color, name, []) for name, color in VIEW_COLORS.values()]
-    strip = np.concatenate([_column(height, names[first:first + most])
-                            for first in range(0, len(names), most)], axis=1)
+    strip = _names(height, [(color, name) for name, color in VIEW_COLORS.values()])
     strip.setflags(write=False)
     return strip
 
@@ -131,12 +128,17 @@ def _status_legend(height):
     if sum(1 + len(meaning) for _, _, meaning in whole) * _LINE + 2 * _MARGIN <= height:
         strip = _column(height, whole)
     else:
-        most = max((height - _MARGIN) // _LINE, 1)
-        names = [(color, label, []) for color, label, _ in whole]
-        strip = np.concatenate([_column(height, names[first:first + most])
-                                for first in range(0, len(names), most)], axis=1)
+        strip = _names(height, [(color, label) for color, label, _ in whole])
     strip.setflags(write=False)
     return strip
+
+
+def _names(height, entries):
+    """Return (color, name) in as many columns as the height asks for, RGB."""
+    most = max((height - _MARGIN) // _LINE, 1)
+    names = [(color, name, []) for color, name in entries]
+    return np.concatenate([_column(height, names[first:first + most])
+                           for first in range(0, len(names), most)], axis=1)
 
 
 def _column(height, entries):

@@ -53,25 +53,27 @@ class Quality:
 
     def uneven(self):
         """Return ln of the mean second difference (px) around all nodes, float32."""
-        _, bend = self.averages()
+        _, bend, _ = self.averages()
         return self.at_all_nodes(np.log(np.maximum(bend, F4(self.tuning.even))))
 
     def averages(self):
-        """Return pull and second difference around the samples, float32 (h, w); 0 = unknown."""
-        around = (self.tuning.surroundings,) * 2
-        known = np.maximum(self.share(), F4(self.tuning.least_share))
-        return tuple(cv2.blur(each, around) / known for each in self.samples[:2])
+        """
+        Return means around the samples, float32 (h, w) each.
 
-    def share(self):
-        """Return the share of known samples around each sample, float32 (h, w)."""
-        return cv2.blur(self.samples[2], (self.tuning.surroundings,) * 2)
+        Pull and second difference, 0 = unknown, and the share of samples that are known.
+
+        """
+        around = (self.tuning.surroundings,) * 2
+        pull, bend, share = (cv2.blur(each, around) for each in self.samples)
+        known = np.maximum(share, F4(self.tuning.least_share))
+        return pull / known, bend / known, share
 
     def factor(self):
         """Return the factor of the variance at the samples, float32 (h, w)."""
-        tuning, (pull, bend) = self.tuning, self.averages()
+        tuning, (pull, bend, share) = self.tuning, self.averages()
         uneven = np.maximum(bend, F4(tuning.even)) ** F4(tuning.uneven_power)
         factor = np.clip(F4(tuning.pull_gain) * uneven * pull ** 2, *tuning.factor_limits)
-        factor[self.share() < F4(tuning.least_share)] = 1
+        factor[share < F4(tuning.least_share)] = 1
         return factor.astype(F4)
 
     def at_all_nodes(self, samples):

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search for the projector in a thread of its own, while two views measure."""
 
-import threading
+from .search_beside import SearchBeside
 
 
-class ProjectorSearch:
+class ProjectorSearch(SearchBeside):
     """Searches a pair that does not show the projector where it is expected."""
 
-    def __init__(self):
-        self._thread = None
+    NAME = 'projector search'
 
     def look(self, stereo, result):
         """
@@ -23,14 +22,7 @@ class ProjectorSearch:
         """
         if result.projector is None or not result.projector.due or self.busy:
             return
-        self._thread = threading.Thread(target=_search, args=(stereo, result),
-                                        name='projector search', daemon=True)
-        self._thread.start()
-
-    @property
-    def busy(self):
-        """Return whether a search is under way."""
-        return self._thread is not None and self._thread.is_alive()
+        self.begin(_search, stereo, result)
 
 
 def _search(stereo, result):

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search for the rows of the two views in a thread of its own, while pairs go on."""
 
-import threading
-
 import numpy as np
 
+from .search_beside import SearchBeside
 
-class RowSearch:
+
+class RowSearch(SearchBeside):
     """Searches a pair whose views do not agree; what it finds holds from the next pair on."""
 
-    def __init__(self):
-        self._thread = None
+    NAME = 'row search'
 
     def look(self, stereo, left, right, result):
         """
@@ -27,15 +26,7 @@ class RowSearch:
         if result.alignment is None or not result.alignment.due or self.busy:
             return
         # images of a message may be written again
-        self._thread = threading.Thread(
-            target=_search, args=(stereo, np.copy(left), np.copy(right)), name='row search',
-            daemon=True)
-        self._thread.start()
-
-    @property
-    def busy(self):
-        """Return whether a search is under way."""
-        return self._thread is not None and self._thread.is_alive()
+        self.begin(_search, stereo, np.copy(left), np.copy(right))
 
 
 def _search(stereo, left, right):
