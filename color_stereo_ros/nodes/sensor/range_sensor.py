@@ -43,6 +43,7 @@ class RangeSensor:
         self.settings = parameters.settings
         self.skipped = 0
         """Pairs that nobody wanted."""
+        self._latest = self._kept = None  # the latest pair; the same if nobody wanted it yet
         self.outputs = Outputs(node)
         self.pattern = PatternWatch(node, parameters)
         self.projector = ProjectorInfo(node)
@@ -91,11 +92,27 @@ class RangeSensor:
         if not self.active:
             return
         requested = self.capture.takes(pair)
-        streaming = self.settings.input.mode == 'stream' and self.outputs.wanted()
-        if requested or streaming:
+        self._latest, self._kept = pair, None
+        if requested or self._is_streaming():
             self.worker.submit(pair)
         else:
             self.skipped += 1
+            self._kept = pair
+
+    def _is_streaming(self):
+        return self.settings.input.mode == 'stream' and self.outputs.wanted()
+
+    def _measure_latched(self):
+        """Measure a latched pair that came before a listener or a calibration: none follows."""
+        if not self.inputs.are_latched:
+            self._latest = self._kept = None
+            return
+        pair = self._latest
+        waits = pair is not None and (pair is self._kept or pair is self.worker.unmeasured)
+        if (waits and self.active and self._is_streaming()
+                and self.inputs.calibration.calibration is not None):
+            self._kept = None
+            self.worker.submit(pair)
 
     def _publish(self, result, pair, setup):
         """Publish a result, the points first; runs in the worker's thread."""
@@ -149,6 +166,7 @@ class RangeSensor:
         self.inputs.follow()
         self.pattern.follow()
         self.outputs.look_for_mismatches()
+        self._measure_latched()
         complaint = self.inputs.complaint(self.settings.sync.warn_after)
         if self.inputs.refusal():
             pass  # said when it came
