@@ -67,7 +67,6 @@ def rig(running):
     rig = running
     restore(rig)
     assert_good(rig)
-    rig.received[DEPTH].clear()
     yield rig
     restore(rig)
     assert_good(rig)
@@ -83,9 +82,16 @@ def restore(rig):
 
 def assert_good(rig):
     """Send good pairs until the calibration is taken, and then one that must be right."""
-    rig.send_pair()
-    rig.diagnose(lambda p: p['calibration'].message == 'calibrated', 'calibrated')
+    rig.received[DEPTH].clear()
+
+    def is_taken():
+        rig.send_pair()
+        rig.spin(0.1)
+        return any(bytes(depth.data) == rig.truth for depth in rig.received[DEPTH])
+
+    rig.spin_until(is_taken, 'a depth image of the good calibration')
     assert bytes(rig.good_pair(DEPTH).data) == rig.truth
+    rig.received[DEPTH].clear()
 
 
 def send_good(rig, count=1):
