@@ -11,7 +11,7 @@ import math
 
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import (
-    bend_kernels, grid_kernels, quality_kernels, texture_kernels, trust_kernels)
+    bend_kernels, grid_kernels, quality_kernels, raw_kernels, texture_kernels, trust_kernels)
 from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, RIVAL_DISTANCE
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
@@ -53,6 +53,46 @@ def box_sums(image):
             for u in (x, min(x + 1, width - 1)):
                 out[y, x] += image[v, u]
     return out
+
+
+def look_at_rows(image):
+    """Return the quantities of an image by name, and the shares of its edges."""
+    image = image.astype(int)
+    (height, width), raw = image.shape[:2], raw_kernels
+    out, edges = dict.fromkeys(raw.QUANTITIES, 0), []
+    for y, x in nodes_of((height, width)):
+        lit = max(image[y, x]) > raw.LIT
+        if (y - height % 8 // 2) % 8 == 0 and y >= height % 8 // 2 and x % 4 == 0 and lit:
+            out['lit'] += 1
+            out['colored'] += np.ptp(image[y, x]) > raw.GRAY_DIFFERENCE
+    spike_rows = range(max(raw.FIRST_ROW, 2), height - 2, raw.ROW_STEP)
+    step = max(1, min(raw.ROW_STEP, height // raw.LEAST_ROWS))
+    chroma_rows = range(raw.FIRST_ROW, height, step)
+    if width >= raw.LEAST_COLUMNS:
+        out['spike_rows'], out['chroma_rows'] = len(spike_rows), len(chroma_rows)
+        for y in spike_rows:
+            for x in range(width):
+                ring = [image[y + j, x + i] for j in range(-2, 3) for i in range(-2, 3)
+                        if max(abs(j), abs(i)) == 2 and 0 <= x + i < width]
+                out['spikes'] += (image[y, x] > np.max(ring, axis=0) + raw.SPIKE).sum()
+        for y in chroma_rows:
+            for name, color in (('red', 0), ('blue', 2)):
+                third = np.abs(np.diff(image[y, :, color] - image[y, :, 1], 3))
+                out[f'even_{name}'] += third[::2].sum()
+                out[f'odd_{name}'] += third[1::2].sum()
+    if width > 2:
+        for y in range(raw.NOISE_ROW, height, raw.NOISE_STEP):
+            out['near'] += np.abs(image[y, 1:] - image[y, :-1]).sum()
+            out['far'] += np.abs(image[y, 2:] - image[y, :-2]).sum()
+    if width > raw.EDGE_REACH:
+        for y in range(raw.EDGE_ROWS // 2, height, raw.EDGE_ROWS):
+            green, reach = image[y, :, 1], raw.EDGE_REACH // 2
+            for x in range(1, width - 1):
+                span = np.ptp(green[max(x - reach, 0):x + reach + 1])
+                if span > raw.LEAST_EDGE:
+                    edges.append(abs(green[x + 1] - green[x - 1]) / span)
+    out['edges'] = len(edges)
+    return out, edges
 
 
 def bilinear(image, y, x, fy, fx):

@@ -7,7 +7,8 @@ from functools import lru_cache
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.account import doubts_about_result
 from color_stereo_ros.core.rows.alignment import Alignment, COUNT, terms
-from color_stereo_ros.core.rows.estimate import applicable, failed, resumed, updated
+from color_stereo_ros.core.rows.estimate import (
+    applicable, failed, resumed, robust_fit, UNSEEN, updated)
 from color_stereo_ros.core.rows.search import ASTRAY, fit, search, UPSIDE_DOWN
 from color_stereo_ros.core.rows.tuning import TUNING
 from color_stereo_ros.core.surface.aligning import Aligner, doubt
@@ -391,6 +392,27 @@ def cells(values, count=200, scatter=0.05, size=SIZE, seed=1):
     x, y = rng.uniform(0, 1, (2, count)) * np.array(size)[:, None]
     dy = terms(x, y, size) @ coefficients(*values) + rng.normal(0, scatter, count)
     return x, y, dy, np.full(count, scatter ** -2), np.full(count, 30.0)
+
+
+def test_the_robust_fit_solves_the_normal_equations_of_its_weights():
+    x, y, dy, information, _ = cells((0.4, -0.7, 0.2, 0.1))
+    dy[::7] += 3
+    there = terms(x, y, SIZE)
+    found, weight = robust_fit(there, dy, information, np.zeros(COUNT))
+    center = np.zeros(COUNT)
+    center[0] = np.sort(dy)[len(dy) // 2]
+    deviation = 1 / np.sqrt(information) + TUNING.estimate.least_scatter
+    for _ in range(TUNING.estimate.iterations):
+        apart = [abs(each - row @ center) / deviation[0] for each, row in zip(dy, there)]
+        scatter = sorted(apart)[len(dy) // 2] / TUNING.estimate.half
+        expected = np.array([1 / ((scatter * deviation[0]) ** 2 * (
+            1 + (each / (TUNING.estimate.outlier * scatter)) ** 2)) for each in apart])
+        last, center = center, np.linalg.solve(
+            there.T @ (expected[:, None] * there) + UNSEEN, there.T @ (expected * dy))
+        if np.abs(center - last).max() < TUNING.estimate.converged:
+            break
+    np.testing.assert_allclose(found, center, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(weight, expected, rtol=1e-9)
 
 
 def test_the_estimate_is_as_good_as_it_says():

@@ -16,7 +16,7 @@ import sys
 from color_stereo_ros.core import Settings, Status
 from color_stereo_ros.core.compiled import Arena, band, BANDS, LENGTH
 from color_stereo_ros.core.constants import replaced
-from color_stereo_ros.core.surface import planes as surface_planes
+from color_stereo_ros.core.surface import planes as surface_planes, raw_kernels
 from color_stereo_ros.core.surface.bend_kernels import (
     find_bent_tiles, unbend, write_pulls)
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
@@ -30,6 +30,7 @@ from color_stereo_ros.core.surface.pixel_kernels import expand
 from color_stereo_ros.core.surface.plane_kernels import (
     find_smooth_tiles, fit_planes, linearize, RADIUS, WIDE_RADIUS)
 from color_stereo_ros.core.surface.quality_kernels import sample_quality
+from color_stereo_ros.core.surface.raw_faults import read_only
 from color_stereo_ros.core.surface.row_kernels import moved_rows, row_cells
 from color_stereo_ros.core.surface.texture_kernels import (
     add_seeds, linearize_brightness, local_colors)
@@ -282,10 +283,27 @@ def test_coarse_disparities_seed_planes(factor):
     assert np.isnan(out[0, :PAD]).all()
 
 
-def compiled_linearize(left, right, shape, tiles):
-    """Return weight, moment and misfit of the kernel, NaN outside the tiles."""
+@pytest.mark.parametrize('height, width', [(48, 80), (30, 66), (9, 64), (48, 40), (3, 2)])
+def test_raw_rows_are_counted(height, width):
+    rng = np.random.default_rng(width)
+    images = rng.integers(0, 256, (2, height, width, 3), dtype=np.uint8)
+    images[1, :, ::2] = rng.integers(90, 100, (height, -(-width // 2), 1))
+    images[1, 10::3] = 120  # a border cuts the ring around a value
+    counts = np.full((2, len(raw_kernels.QUANTITIES)), -1)
+    scratch = np.zeros((2, 3, width + raw_kernels.EDGE_REACH), np.uint8)
+    shares = np.full((2, (height // raw_kernels.EDGE_ROWS + 1) * width), -1, F4)
+    raw_kernels.look_at_rows(*map(read_only, images), counts, scratch, shares)
+    for image, count, share in zip(images, counts, shares):
+        expected, edges = naive.look_at_rows(image)
+        assert dict(zip(raw_kernels.QUANTITIES, count)) == expected
+        np.testing.assert_array_equal(share[:len(edges)], np.array(edges, F4))
+        assert (share[len(edges):] == -1).all()
+
+
+def compiled_linearize(left, right, shape, tiles, lines=(0, 1)):
+    """Return weight, moment and misfit of the kernel, NaN where it writes nothing."""
     out = unknown(3)
-    linearize(*left, *right, PSF, MATRIX, *shape, tiles, ROBUST, F4(1.7), F4(3.0),
+    linearize(*left, *right, PSF, MATRIX, *shape, tiles, *lines, ROBUST, F4(1.7), F4(3.0),
               *out)
     return out
 
@@ -360,7 +378,7 @@ def test_waves_of_twelve_pixels_are_not_drawn_to_whole_columns(fraction):
     d = framed(np.full((ROWS, COLUMNS), 8 + fraction), np.nan)
     weight, moment = unknown(2)
     level = np.zeros((2, *SHAPE), F4)
-    linearize(*left, *view(np.arange(WIDTH)), PSF, np.eye(2, 3, dtype=F4), d, *level, TILES,
+    linearize(*left, *view(np.arange(WIDTH)), PSF, np.eye(2, 3, dtype=F4), d, *level, TILES, 0, 1,
               ROBUST, F4(1), F4(0), weight, moment, unknown(1)[0])
     # Catmull-Rom: 0.004 px at a quarter
     assert abs(np.nansum(moment) / np.nansum(weight) - 8 - fraction) < 0.0005
@@ -377,6 +395,10 @@ def test_linearization_is_the_derivative_of_the_misfit(tiles, slope):
     found = compiled_linearize(left, right, shape, tiles)
     assert np.count_nonzero(found[0] > 0) > 100
     np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-3)
+    some = compiled_linearize(left, right, shape, tiles, (1, 3))
+    lines = [PAD + tile * TILE_ROWS + line for tile in range(2) for line in (1, 4, 7)]
+    np.testing.assert_array_equal(some[:, lines], found[:, lines])
+    assert np.isnan(np.delete(some, lines, axis=1)).all()
 
 
 @pytest.mark.parametrize('slope', [-0.5, 0.3, 0.5])
@@ -398,7 +420,7 @@ def test_a_leaning_plane_is_blurred_as_much_in_the_left_view_as_in_the_right(slo
     misfit = []
     for variance in (0, psf):
         out = unknown(3)
-        linearize(*left, *right, F4(variance), np.eye(2, 3, dtype=F4), *shape, TILES,
+        linearize(*left, *right, F4(variance), np.eye(2, 3, dtype=F4), *shape, TILES, 0, 1,
                   ROBUST, F4(1), F4(0), *out)
         misfit.append(np.nanmean(out[2]))
     assert misfit[1] < 0.2 * misfit[0]
@@ -416,7 +438,7 @@ def test_one_step_from_the_linearization_recovers_a_disparity():
     shape = np.zeros((3, *SHAPE), F4)
     shape[0] = 7.0
     weight, moment, _ = unknown(3)
-    linearize(*left, *right, PSF, np.eye(2, 3, dtype=F4), *shape, TILES, ROBUST,
+    linearize(*left, *right, PSF, np.eye(2, 3, dtype=F4), *shape, TILES, 0, 1, ROBUST,
               F4(1), F4(3), weight, moment, unknown(1)[0])
     inside = weight > 0
     np.testing.assert_allclose(3 + moment[inside] / weight[inside], 7.3, atol=0.02)
@@ -732,11 +754,12 @@ def test_deviations_follow_the_variances_of_planes():
     std, apart = rng.uniform(0.01, 1, (2, ROWS, COLUMNS)).astype(F4)
     assumed, variance = rng.choice([0, np.nan, np.inf, 1e-4, 0.02, 0.3],
                                    (2, ROWS, COLUMNS)).astype(F4)
-    scaled = std.copy()
-    rescale_std(scaled, apart, assumed, variance)
+    scaled, framed = unknown(2)
+    scaled[INNER], framed[INNER] = std, variance
+    rescale_std(scaled, apart, assumed, framed)
     expected = naive.rescale_std(std, apart, assumed, variance)
-    assert not np.array_equal(scaled, std)
-    np.testing.assert_allclose(scaled, expected, rtol=1e-5)
+    assert not np.array_equal(scaled[INNER], std)
+    np.testing.assert_allclose(scaled[INNER], expected, rtol=1e-5)
 
 
 def expanded(size, seed):

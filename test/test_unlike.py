@@ -8,8 +8,7 @@ from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
-from color_stereo_ros.core.surface.raw_faults import (
-    chroma_is_subsampled, has_hot_pixels, quantization, sharpness, without_hot_pixels)
+from color_stereo_ros.core.surface.raw_faults import Looker, quantization, without_hot_pixels
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
 import cv2
 import numpy as np
@@ -44,6 +43,12 @@ def blurred(sigma_x, sigma_y):
     """Return a function that blurs light."""
     return lambda light: cv2.GaussianBlur(light, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y,
                                           borderType=cv2.BORDER_REPLICATE)
+
+
+def look(image):
+    """Return the Look of an image."""
+    image = np.ascontiguousarray(image)
+    return Looker(*image.shape[:2], TUNING).look(image, np.zeros_like(image))[0]
 
 
 def share_right(result):
@@ -102,8 +107,8 @@ def test_sharpness_is_that_of_the_sharpest_edges(sigma):
     image = np.rint(blurred(sigma, sigma)(step) if sigma else step).astype(np.uint8)
     # the largest change is that from half a pixel before a step to 1.5 px behind it
     expected = sum(math.erf(x / (sigma * math.sqrt(2))) for x in (0.5, 1.5)) / 2 if sigma else 1
-    assert sharpness(image, TUNING.unlike) == pytest.approx(expected, abs=0.08)
-    assert sharpness(image[:, :8], TUNING.unlike) == sharpness(0 * image, TUNING.unlike) == 1
+    assert look(image).sharpness == pytest.approx(expected, abs=0.08)
+    assert look(image[:, :8]).sharpness == look(0 * image).sharpness == 1
 
 
 def test_blur_of_both_views_is_doubted(usual):
@@ -287,9 +292,9 @@ def compressed(image, quality):
 @pytest.mark.parametrize('quality', [95, 85, 60, 40])
 def test_compression_is_seen_and_costs_few_ranges(usual, quality):
     images = pair()
-    assert not any(chroma_is_subsampled(image, TUNING.raw) for image in images)
+    assert not any(look(image).subsampled for image in images)
     images = [compressed(image, quality) for image in images]
-    assert all(chroma_is_subsampled(image, TUNING.raw) for image in images)
+    assert all(look(image).subsampled for image in images)
     assert share_right(usual.process(*images)) > 0.95
 
 
@@ -356,20 +361,20 @@ def test_the_dark_level_of_compressed_images_is_one_of_all_channels(usual, monke
 def test_images_without_color_are_not_compressed():
     noise = np.random.default_rng(1).normal(90, 5, (HEIGHT, WIDTH, 1))
     gray = np.broadcast_to(noise, (HEIGHT, WIDTH, 3)).astype(np.uint8)
-    assert not chroma_is_subsampled(gray, TUNING.raw)
-    assert not chroma_is_subsampled(np.zeros((HEIGHT, WIDTH, 3), np.uint8), TUNING.raw)
-    assert not chroma_is_subsampled(np.zeros((4, 9, 3), np.uint8), TUNING.raw)
+    assert not look(gray).subsampled
+    assert not look(np.zeros((HEIGHT, WIDTH, 3), np.uint8)).subsampled
+    assert not look(np.zeros((4, 9, 3), np.uint8)).subsampled
 
 
 def test_hot_pixels_are_replaced_and_nothing_else():
     rng = np.random.default_rng(5)
     image = exposed(GRAY + 0.2 * photographed(0 * TRUTH), rng)
-    assert not has_hot_pixels(image, TUNING.raw)
+    assert not look(image).hot
     hot = image.copy()
     spots = np.zeros(image.shape[:2], bool)
     spots[4:-4, 4:-4] = rng.random((HEIGHT - 8, WIDTH - 8)) < 0.01
     hot[spots] = 255
-    assert has_hot_pixels(hot, TUNING.raw)
+    assert look(hot).hot
     mended = without_hot_pixels(hot, TUNING.raw).astype(int)
     alone = spots & (cv2.boxFilter(spots.astype(np.float32), -1, (7, 7), normalize=False) < 1.5)
     assert np.abs(mended - image)[alone].max() < 40

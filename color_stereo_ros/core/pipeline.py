@@ -19,7 +19,7 @@ from .rows.alignment import Alignment
 from .rows.estimate import resumed
 from .rows.search import search
 from .settings import Settings
-from .status import Status
+from .status_codes import VALID
 from .trackers import is_makable, tracker_of
 from .triangulation import disparity_limits
 
@@ -178,7 +178,7 @@ class ColorStereo:
 
     def _result(self, found, image, clock):
         if found.views is None:
-            found = replace(found, views=(found.status == Status.VALID).view(np.uint8))
+            found = replace(found, views=(found.status == VALID).view(np.uint8))
         return RangeResult(
             **vars(found), image_source=image,
             geometry=self.calibration.geometry, disparity_limits=self._limits,

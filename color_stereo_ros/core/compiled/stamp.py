@@ -24,6 +24,8 @@ SOURCES = (
     'core/paper/tuning.py',
     'core/projector/*kernels.py',
     'core/projector/tuning.py',
+    'core/rows/*kernels.py',
+    'core/rows/tuning.py',
     'core/status.py',
     'core/status_codes.py',
     'core/surface/*_kernels.py',

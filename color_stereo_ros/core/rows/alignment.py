@@ -43,9 +43,13 @@ def terms(x, y, size):
     """
     width, height = size
     half = width / 2
-    u, v = np.broadcast_arrays((np.asarray(x, np.float64) - (width - 1) / 2) / half,
-                               (np.asarray(y, np.float64) - (height - 1) / 2) / half)
-    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v, v * (u * u + v * v)], axis=-1)
+    u = (np.asarray(x, np.float64) - (width - 1) / 2) / half
+    v = (np.asarray(y, np.float64) - (height - 1) / 2) / half
+    squares = u * u + v * v
+    found = np.empty((*squares.shape, COUNT))
+    for at, values in enumerate((1, u, v, u * u, u * v, v * v, v * squares)):
+        found[..., at] = values
+    return found
 
 
 def _constant(values):

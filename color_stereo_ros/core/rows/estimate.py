@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from .alignment import RowEvidence, terms
+from .estimate_kernels import fit_robustly
 from .tuning import TUNING
 
 UNSEEN = np.diag(np.reciprocal(np.square(TUNING.estimate.prior_std)))
@@ -89,21 +90,17 @@ def robust_fit(there, dy, information, center):
         Inverse variance of each dy as it counts, px^-2.
 
     """
-    tuning = TUNING.estimate
-    deviation = 1 / np.sqrt(information) + tuning.least_scatter
-    # begin with the median: the rows may be off by more than any cell is reliable for
-    center = center.copy()
-    center[0] += median(dy - there @ center)
-    for _ in range(tuning.iterations):
-        apart = np.abs(dy - there @ center) / deviation
-        scatter = median(apart) / tuning.half
-        limit = tuning.outlier * scatter
-        weight = 1 / (np.square(scatter * deviation) * (1 + np.square(apart / limit)))
-        normal = there.T @ (weight[:, None] * there)
-        last, center = center, np.linalg.solve(normal + UNSEEN, there.T @ (weight * dy))
-        if np.abs(center - last).max() < tuning.converged:
-            break
+    deviation = 1 / np.sqrt(information) + TUNING.estimate.least_scatter
+    center, weight = center.copy(), np.empty(len(dy))
+    fit_robustly(there, dy, deviation, UNSEEN, center, weight)
     return center, weight
+
+
+def warm():
+    """Compile what `robust_fit` runs, before the first pair shows rows."""
+    places = np.arange(TUNING.estimate.least_cells, dtype=np.float64)
+    size = len(places), len(places)
+    robust_fit(terms(places, places, size), places, np.ones_like(places), np.zeros(len(UNSEEN)))
 
 
 def _limited(normal):
@@ -141,9 +138,9 @@ def significant(alignment):
     use, there = TUNING.use, _everywhere(alignment.size)
     coefficients, covariance = alignment.coefficients, alignment.covariance
     least = use.least_error_left if alignment.applied.any() else use.least_error
-    variance = np.einsum('ij,jk,ik->i', there, covariance, there)
-    error = np.average(np.square(there @ coefficients),
-                       weights=1 / (TUNING.estimate.useful ** 2 + variance))
+    variance = np.einsum('ij,ij->i', there @ covariance, there)
+    weight = 1 / (TUNING.estimate.useful ** 2 + variance)
+    error = weight @ np.square(there @ coefficients) / weight.sum()
     return bool(error > least ** 2 and coefficients @ np.linalg.solve(covariance, coefficients)
                 > use.least_chi_square)
 

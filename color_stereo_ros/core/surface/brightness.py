@@ -171,22 +171,6 @@ def normalized_brightness(view, offset, saturation, window, share, level, varian
     variance[~view.inside | (view.peak >= F4(saturation))] = SILENT_VARIANCE
 
 
-def is_gray(image, tuning):
-    """
-    Return whether an image, uint8 (H, W, 3), shows light without any color.
-
-    Every fourth pixel of every eighth row is looked at; tuning is a BrightnessTuning. The
-    compression of JPEG leaves 1 or 2 DN of color.
-
-    """
-    red, green, blue = cv2.split(image[len(image) % 8 // 2::8, ::4])
-    brightest = np.maximum(np.maximum(red, green), blue)
-    weakest = np.minimum(np.minimum(red, green), blue)
-    lit = brightest > tuning.lit
-    colorless = (brightest - weakest)[lit] <= tuning.gray_difference
-    return bool(lit.any() and np.mean(colorless) >= tuning.gray_share)
-
-
 def without_color(image):
     """Return an image, uint8 (H, W, 3), with its luma in all channels."""
     return cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB)

@@ -89,24 +89,3 @@ def gains_of(means, tuning):
     balance = means / means.mean(axis=1, keepdims=True)
     common = np.sqrt(balance[0] * balance[1])
     return np.clip(np.sqrt(common) / balance, *tuning.channel_gain_limits).astype(F4)
-
-
-def noise_weight(image, tuning):
-    """
-    Return the weight that mere noise has at a node of an image, uint8 (H, W, 3).
-
-    The noise of a single-chip camera changes slowly from pixel to pixel, since demosaicing
-    interpolates. The noise of other cameras, and that of gray images without any pattern, is
-    independent from pixel to pixel: its gradients are steeper.
-
-    """
-    demosaiced, independent = tuning.noise_weights
-    first, step = tuning.noise_rows
-    rows = image[first::step]
-    if rows.shape[0] == 0 or rows.shape[1] < 3:
-        return independent
-    near, far = (cv2.norm(rows[:, step:], rows[:, :-step], cv2.NORM_L1) / (rows.shape[1] - step)
-                 for step in (1, 2))
-    low, high = tuning.noise_steps
-    share = np.clip((near / max(far, tuning.least_change) - low) / (high - low), 0, 1)
-    return demosaiced + share * (independent - demosaiced)

@@ -39,13 +39,13 @@ from ..projector.finding import Reason
 from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
 from .bends import Bends
-from .brightness import BrightnessCarrier, is_gray, without_color
+from .brightness import BrightnessCarrier, without_color
 from .coarse import CoarseSearch
 from .even import Evening
 from .grid import HalfGrid
 from .grid_kernels import F4, SILENT_VARIANCE
 from .neighbors import propagate_planes, rough_tiles
-from .pair_model import color_matrix, PairModel
+from .pair_model import color_matrix, PairModel, sampled_lines
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .quality import Quality
@@ -166,12 +166,13 @@ class SurfaceMethod:
 
         """
         raw = left, right
-        left, right = self.alike(left, right)
+        left, right, looks = self.alike(left, right)
         if self.aligner is None:
             alignment = None
-            pair, seeds = self.match(left, right, np.zeros(COUNT), clock)
+            pair, seeds = self.match(left, right, np.zeros(COUNT), clock, looks)
         else:
-            alignment, pair, seeds = self.match_aligned(left, right, alignment, search, clock)
+            alignment, pair, seeds = self.match_aligned(left, right, looks, alignment, search,
+                                                        clock)
         views, planes = self.views, self.planes
         self.bend(views, planes, pair, clock)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
@@ -331,11 +332,11 @@ class SurfaceMethod:
             self.quality.correct_variance(planes)
         if alignment is not None:
             self.rows.widen(planes, alignment)
-        self.trust.rescale(verdict, assumed, planes.variance[inner])
+        self.trust.rescale(verdict, assumed, planes.variance)
 
-    def match_aligned(self, left, right, alignment, search, clock):
+    def match_aligned(self, left, right, looks, alignment, search, clock):
         """
-        Match a pair until its rows agree; see `measure` for the arguments.
+        Match a pair until its rows agree; see `match` and `measure` for the arguments.
 
         Returns
         -------
@@ -349,7 +350,7 @@ class SurfaceMethod:
         last = []
 
         def measured(prior):
-            pair, seeds = self.match(left, right, prior.applied, clock)
+            pair, seeds = self.match(left, right, prior.applied, clock, looks)
             last[:] = [pair, seeds]
             found = self.rows.measure(self.views, self.planes, pair, prior, self.brightness)
             clock.lap('rows', found)
@@ -357,7 +358,7 @@ class SurfaceMethod:
 
         return self.aligner.align(alignment, measured, search), *last
 
-    def match(self, left, right, applied, clock):
+    def match(self, left, right, applied, clock, looks=None):
         """
         Match one pair: colors, coarse search and all rounds.
 
@@ -368,6 +369,8 @@ class SurfaceMethod:
         applied : numpy.ndarray, float64, shape (7,)
             By which the rows of the right view are corrected, px.
         clock : Stopwatch
+        looks : sequence of two Look, optional
+            As `Views.load` takes them.
 
         Returns
         -------
@@ -375,7 +378,7 @@ class SurfaceMethod:
         seeds : Seeds
 
         """
-        views = self.views.load(left, right, applied)
+        views = self.views.load(left, right, applied, looks)
         self.rows.before = 0
         clock.lap('colors', views)
         seeds = self.seeds(views)
@@ -391,16 +394,19 @@ class SurfaceMethod:
 
     def alike(self, left, right):
         """
-        Return both raw images without color where one has none; sets `gray`.
+        Return both raw images without color where one has none, and looks; sets `gray`.
 
-        A mono camera beside a color camera has only brightness in common with it.
+        A mono camera beside a color camera has only brightness in common with it. looks: what
+        `Views.load` takes.
 
         """
-        tuning = self.tuning.brightness
-        colorless = [is_gray(image, tuning) for image in (left, right)]
-        self.gray = any(colorless)
-        return tuple(without_color(image) if self.gray and not gray else image
-                     for image, gray in zip((left, right), colorless))
+        looks = self.views.looker.look(left, right)
+        self.gray = any(look.gray for look in looks)
+        if all(look.gray == self.gray for look in looks):
+            return left, right, looks
+        left, right = (image if look.gray else without_color(image)
+                       for image, look in zip((left, right), looks))
+        return left, right, self.views.looker.look(left, right)
 
     def seeds(self, views):
         """Return the Seeds of a pair, and decide which carriers count in it; reads `gray`."""
@@ -492,9 +498,7 @@ class SurfaceMethod:
         linearized = self.linearize(views, planes, pair, planes.tiles)
         solver.fit(linearized, views, planes, pair, planes.tiles, turn=0)
         clock.lap('fit 1', planes)
-        self.linearize(views, planes, pair, planes.tiles, fold=False)
-        pair = pair.measured(views, planes, self.match_colors, self.tuning)
-        self.brightness.measure(views)
+        pair = self.measured_pair(views, planes, pair)
         clock.lap('compare 1', pair)
         return pair
 
@@ -590,15 +594,28 @@ class SurfaceMethod:
         neutral = PairModel.neutral(views)
         if self.brightness.active:
             self.brightness.load(views)
-        self.linearize(views, planes, neutral, planes.tiles, fold=False)
-        pair = neutral.measured(views, planes, self.match_colors, self.tuning)
+        return self.measured_pair(views, planes, neutral)
+
+    def measured_pair(self, views, planes, pair):
+        """
+        Compare the nodes under a PairModel; return that which the matches show.
+
+        Where a later round compares all nodes anew, the colors of the others are left alone:
+        PairModel.measured reads one line of nodes in a few.
+
+        """
+        lines = (0, 1)
+        if self.settings.matching.refinements > 1 and self.in_force.planes.full_rounds > 1:
+            lines = sampled_lines(self.tuning.pair)
+        self.linearize(views, planes, pair, planes.tiles, False, lines)
+        pair = pair.measured(views, planes, self.match_colors, self.tuning)
         self.brightness.measure(views)
         return pair
 
-    def linearize(self, views, planes, pair, tiles, fold=True):
+    def linearize(self, views, planes, pair, tiles, fold=True, lines=(0, 1)):
         """Compare the nodes of some tiles in all carriers; see `LeastSquares.linearize`."""
         solver = self.least_squares
-        linearized = solver.linearize(views, planes, pair, tiles)
+        linearized = solver.linearize(views, planes, pair, tiles, lines)
         self.brightness.add(linearized, views, planes, tiles, solver.reference, fold)
         return linearized
 

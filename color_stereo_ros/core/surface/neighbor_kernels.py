@@ -37,7 +37,8 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
     start = left - PATCH_MARGIN
     stop = start + PATCH_COLUMNS
     lean_x, lean_y = F4(step_x), F4(step_y)
-    misfits = stack_row()
+    places, noises, misfits = stack_row(), stack_row(), stack_row()
+    us, vs = (stack_row(), stack_row()), (stack_row(), stack_row())
     for py in range(PATCH_ROWS):
         y = top - HALO + py
         dd = d[y + step_y, start + step_x:stop + step_x]
@@ -51,14 +52,21 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
         for x in range(PATCH_COLUMNS):
             place = F4(2 * (start - PAD + x)) - (dd[x] - aa[x] * lean_x - bb[x] * lean_y)
             known = (place >= F4(0)) & (place < F4(width - 1))
-            place = place if known else F4(0)
-            i = np.int32(place)
-            t = place - F4(i)
+            places[x] = place if known else F4(-1)
+        # some processors gather slowly: then LLVM would make no SIMD of what follows
+        for x in range(PATCH_COLUMNS):
+            i = np.int32(max(places[x], F4(0)))
             i0, i1 = np.uint32(i), np.uint32(i + 1)
-            slope_u, slope_v = ru[i1] - ru[i0], rv[i1] - rv[i0]
-            u = ru[i0] + slope_u * t
-            v = rv[i0] + slope_v * t
-            noise = max(rvar[i0], rvar[i1])
+            us[0][x], us[1][x] = ru[i0], ru[i1]
+            vs[0][x], vs[1][x] = rv[i0], rv[i1]
+            noises[x] = max(rvar[i0], rvar[i1])
+        for x in range(PATCH_COLUMNS):
+            known, noise = places[x] >= F4(0), noises[x]
+            place = max(places[x], F4(0))
+            t = place - F4(np.int32(place))
+            slope_u, slope_v = us[1][x] - us[0][x], vs[1][x] - vs[0][x]
+            u = us[0][x] + slope_u * t
+            v = vs[0][x] + slope_v * t
             gain = foreshortening(aa[x], bb[x], psf)
             own = F4(1) - F4(2) * gain
             own_u = own * lu[x + 1] + gain * (lu[x] + lu[x + 2])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .grid_kernels import F4, PAD
+from .grid_kernels import F4, PAD, TILE_ROWS
 from .view_kernels import add_color_sums
 
 
@@ -18,7 +18,7 @@ class PairModel:
     scale: np.float32
     """Variance of the colors, as a factor of that of the camera model in `views`."""
     noise_weight: np.float32
-    """Weight that mere noise has at a node, see `gains.noise_weight`."""
+    """Weight that mere noise has at a node, see `raw_faults.noise_weight`."""
 
     @classmethod
     def neutral(cls, views):
@@ -62,6 +62,17 @@ class PairModel:
             return replace(self, scale=scale)
         return replace(self, scale=scale, matrix=color_matrix(views, planes, scale, tuning,
                                                                misfit))
+
+
+def sampled_lines(tuning):
+    """
+    Return the lines of a tile that `PairModel.measured` reads: the first one, and their distance.
+
+    tuning : PairTuning
+
+    """
+    step = tuning.adapt_steps[0]
+    return (1, step) if TILE_ROWS % step == 0 else (0, 1)
 
 
 def mostly_dim(misfit, variance, tuning):

@@ -55,7 +55,7 @@ def expand(k, d, a, b, std, odds, reason, beyond, rows, columns, limits, focal_b
     height, width = disparity.shape
     lowest, highest = limits[0], limits[1]
     last_place = F4(width - 1)
-    near, far, shared = F4(0.75), F4(0.25), F4(1) - OWN_SHARE
+    near, far = F4(0.75), F4(0.25)
     first, last = band(k, height)
     mixed = stack_row()
     even = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
@@ -74,42 +74,58 @@ def expand(k, d, a, b, std, odds, reason, beyond, rows, columns, limits, focal_b
             anywhere = beyond[y, left:right]
             for x in range(count + 2):
                 mixed[x] = near * bounded(here[x]) + far * bounded(there[x])
+            plane = dd, aa, bb, noise, here, reasons, anywhere
+            bounds = lowest, highest, last_place, least_odds, focal_baseline, offset
+            expand_side(0, 2 * start, count, plane, lean_y, mixed, bounds, *even)
+            expand_side(1, 2 * start, count, plane, lean_y, mixed, bounds, *odd)
+            begin, end = 2 * start, 2 * (start + count)
+            interleave(even[0], odd[0], disparity[v, begin:end])
+            interleave(even[1], odd[1], depth[v, begin:end])
+            interleave(even[2], odd[2], out_std[v, begin:end])
+            interleave(even[3], odd[3], out_confidence[v, begin:end])
+            interleave(even[4], odd[4], out_status[v, begin:end])
             # an odd last column has no node of its own
-            sides = 3 if (right == columns + PAD) & (width > 2 * columns) else 2
-            for side in range(sides):
-                first_column = F4(2 * start + side)
-                values, depths, spreads, certainties, codes = odd if side == 1 else even
-                lean_x = F4(0.5) * (F4(side) - F4(0.5))
-                beside = 2 * min(side, 1)  # the neighbor in mixed
-                for x in range(count):
-                    value = dd[x] + aa[x] * lean_x + bb[x] * lean_y
-                    certainty = OWN_SHARE * bounded(here[x + 1]) + shared * (
-                        near * mixed[x + 1] + far * mixed[x + beside])
-                    sure = (certainty >= least_odds) & (here[x + 1] > HOPELESS_ODDS)
-                    within = (value >= lowest) & (value <= highest)
-                    place = first_column + F4(2 * x) - value
-                    seen = ((place >= F4(0)) & (place <= last_place)) | anywhere[x]
-                    valid = sure & within & seen
-                    code = INCONSISTENT if within else OUT_OF_RANGE
-                    code = code if sure else reasons[x]
-                    values[x] = value if valid else NAN
-                    depths[x] = focal_baseline / (value - offset) if valid else NAN
-                    spreads[x] = noise[x] if valid else NAN
-                    certainties[x] = logistic(certainty) if valid else F4(0)
-                    codes[x] = F4(VALID if valid else code)
-                if side == 1:
-                    begin, end = 2 * start, 2 * (start + count)
-                    interleave(even[0], odd[0], disparity[v, begin:end])
-                    interleave(even[1], odd[1], depth[v, begin:end])
-                    interleave(even[2], odd[2], out_std[v, begin:end])
-                    interleave(even[3], odd[3], out_confidence[v, begin:end])
-                    interleave(even[4], odd[4], out_status[v, begin:end])
-                if side == 2:
-                    at = count - 1
-                    disparity[v, width - 1], depth[v, width - 1] = values[at], depths[at]
-                    out_std[v, width - 1] = spreads[at]
-                    out_confidence[v, width - 1] = certainties[at]
-                    out_status[v, width - 1] = np.uint8(codes[at])
+            if (right == columns + PAD) & (width > 2 * columns):
+                expand_side(2, 2 * start, count, plane, lean_y, mixed, bounds, *even)
+                at = count - 1
+                disparity[v, width - 1], depth[v, width - 1] = even[0][at], even[1][at]
+                out_std[v, width - 1] = even[2][at]
+                out_confidence[v, width - 1] = even[3][at]
+                out_status[v, width - 1] = np.uint8(even[4][at])
+
+
+@part(forceinline=True, fastmath=FAST)  # the side is then a constant, and the loop has no branch
+def expand_side(side, first_column, count, plane, lean_y, mixed, bounds, values, depths, spreads,
+                certainties, codes):
+    """
+    Evaluate one pixel of every node of a stack row, see `expand`.
+
+    side: 0 for the left pixel of a node, 1 for the right one, 2 for one behind the last node.
+
+    """
+    d, a, b, noise, odds, reasons, anywhere = plane
+    lowest, highest, last_place, least_odds, focal_baseline, offset = bounds
+    near, far, shared = F4(0.75), F4(0.25), F4(1) - OWN_SHARE
+    lean_x = F4(0.5) * (F4(side) - F4(0.5))
+    beside = 2 * min(side, 1)  # the neighbor in mixed
+    first_place = F4(first_column + side)
+    for x in range(count):
+        value = d[x] + a[x] * lean_x + b[x] * lean_y
+        certainty = OWN_SHARE * bounded(odds[x + 1]) + shared * (
+            near * mixed[x + 1] + far * mixed[x + beside])
+        sure = (certainty >= least_odds) & (odds[x + 1] > HOPELESS_ODDS)
+        within = (value >= lowest) & (value <= highest)
+        why, spread = reasons[x], noise[x]  # loaded always: a loop with branches is no SIMD
+        place = first_place + F4(2 * x) - value
+        seen = ((place >= F4(0)) & (place <= last_place)) | anywhere[x]
+        valid = sure & within & seen
+        code = INCONSISTENT if within else OUT_OF_RANGE
+        code = code if sure else why
+        values[x] = value if valid else NAN
+        depths[x] = focal_baseline / (value - offset) if valid else NAN
+        spreads[x] = spread if valid else NAN
+        certainties[x] = logistic(certainty) if valid else F4(0)
+        codes[x] = F4(VALID if valid else code)
 
 
 @part()

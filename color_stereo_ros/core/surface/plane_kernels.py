@@ -18,7 +18,8 @@ LEAST_SIGNAL_SHARE = F4(TUNING.planes.least_signal_share)
 
 @banded(fastmath=FAST)
 def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix, d, a, b,
-              tiles, robust_misfit, scale, reference, weight, moment, misfit):
+              tiles, first_line, line_step, robust_misfit, scale, reference, weight, moment,
+              misfit):
     """
     Compare every node of some tiles with the place its disparity points to, and linearize there.
 
@@ -30,7 +31,8 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
     interpolation pulls towards whole pixels, Catmull-Rom by .006 px. The left view of a node is
     blurred as its plane demands, see `foreshortening`, but not beside nodes without information.
     matrix (2, 3) maps right chromaticities to left ones. Unknown d, no information, or a place
-    outside the right image: weight = moment = 0, misfit NaN.
+    outside the right image: weight = moment = 0, misfit NaN. Of the lines of a tile those from
+    first_line on count, line_step apart.
 
     """
     width = right_u.shape[1]
@@ -39,9 +41,12 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
     one, two, three, half, sixth = F4(1), F4(2), F4(3), F4(0.5), F4(1 / 6)
     first, last = band(k, tiles.shape[0])
     weights, moments, misfits = stack_row(), stack_row(), stack_row()
+    places, noises = stack_row(), stack_row()
+    us = stack_row(), stack_row(), stack_row(), stack_row()
+    vs = stack_row(), stack_row(), stack_row(), stack_row()
     for tile in range(first, last):
         top, left = tiles[tile, 0], tiles[tile, 1]
-        for y in range(top, top + TILE_ROWS):
+        for y in range(top + first_line, top + TILE_ROWS, line_step):
             ru, rv, rvar = right_u[y], right_v[y], right_var[y]
             lu = left_u[y, left - 1:left + TILE_COLUMNS + 1]
             lv = left_v[y, left - 1:left + TILE_COLUMNS + 1]
@@ -55,11 +60,19 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
             for x in range(TILE_COLUMNS):
                 place = F4(2 * (left - PAD + x)) - dd[x]
                 known = (place >= one) & (place < F4(width - 2))
-                place = place if known else one
-                i = np.int32(place)
-                t = place - F4(i)
+                places[x] = place if known else one
+            # some processors gather slowly: then LLVM would make no SIMD of what follows
+            for x in range(TILE_COLUMNS):
+                i = np.int32(places[x])
                 i0, i1 = np.uint32(i - 1), np.uint32(i)
                 i2, i3 = np.uint32(i + 1), np.uint32(i + 2)
+                us[0][x], us[1][x], us[2][x], us[3][x] = ru[i0], ru[i1], ru[i2], ru[i3]
+                vs[0][x], vs[1][x], vs[2][x], vs[3][x] = rv[i0], rv[i1], rv[i2], rv[i3]
+                noises[x] = max(rvar[i1], rvar[i2])
+            for x in range(TILE_COLUMNS):
+                place = F4(2 * (left - PAD + x)) - dd[x]
+                known = (place >= one) & (place < F4(width - 2))
+                t, noise = places[x] - F4(np.int32(places[x])), noises[x]
                 w0 = sixth * t * (t * (three - t) - two)
                 w1 = one + half * t * (t * (t - two) - one)
                 w2 = half * t * (two + t * (one - t))
@@ -68,8 +81,8 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
                 g1 = half * (t * (three * t - F4(4)) - one)
                 g2 = half * (two + t * (two - three * t))
                 g3 = sixth * (three * t * t - one)
-                u0, u1, u2, u3 = ru[i0], ru[i1], ru[i2], ru[i3]
-                v0, v1, v2, v3 = rv[i0], rv[i1], rv[i2], rv[i3]
+                u0, u1, u2, u3 = us[0][x], us[1][x], us[2][x], us[3][x]
+                v0, v1, v2, v3 = vs[0][x], vs[1][x], vs[2][x], vs[3][x]
                 u = w0 * u0 + w1 * u1 + w2 * u2 + w3 * u3
                 v = w0 * v0 + w1 * v1 + w2 * v2 + w3 * v3
                 gu = g0 * u0 + g1 * u1 + g2 * u2 + g3 * u3
@@ -83,7 +96,6 @@ def linearize(k, left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
                 error_v = own_v - (m10 * u + m11 * v + m12)
                 slope_u = m00 * gu + m01 * gv
                 slope_v = m10 * gu + m11 * gv
-                noise = max(rvar[i1], rvar[i2])
                 informed = known & (noise < SILENT_VARIANCE) & (lvar[x + 1] < SILENT_VARIANCE)
                 steep = slope_u * slope_u + slope_v * slope_v
                 w = one / (scale * (lvar[x + 1] + noise) + PHASE_VARIANCE * steep)

@@ -196,11 +196,12 @@ class LeastSquares:
         self.smooth_steps = np.array(tuning.smooth_steps, F4)
         self.correlation = F4(tuning.noise_correlation if settings.refinements else 1)
 
-    def linearize(self, views, planes, pair, tiles):
+    def linearize(self, views, planes, pair, tiles, lines=(0, 1)):
         """
         Compare the nodes of some tiles with the places that their disparities point to.
 
         Writes planes.misfit and the linearized nodes in these tiles only; all others keep theirs.
+        lines: the first line of nodes of a tile that is compared, and their distance.
 
         Parameters
         ----------
@@ -216,8 +217,9 @@ class LeastSquares:
         """
         left, right = views.left, views.right
         linearize(left.u, left.v, left.variance, right.u, right.v, right.variance, views.psf,
-                  pair.matrix, planes.d, planes.a, planes.b, tiles, self.robust_misfit, pair.scale,
-                  self.reference, self.linearized.weight, self.linearized.moment, planes.misfit)
+                  pair.matrix, planes.d, planes.a, planes.b, tiles, *lines, self.robust_misfit,
+                  pair.scale, self.reference, self.linearized.weight, self.linearized.moment,
+                  planes.misfit)
         return self.linearized
 
     def fit(self, linearized, views, planes, pair, tiles, turn):

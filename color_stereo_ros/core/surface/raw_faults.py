@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What compression and hot pixels leave in a raw image: how it is noticed and made up for."""
 
+from dataclasses import dataclass
 import math
 
 import cv2
 import numpy as np
 
 from .grid_kernels import F4
+from .raw_kernels import EDGE_REACH, EDGE_ROWS, look_at_rows, QUANTITIES
 from .tuning import TUNING
 
 LUMA = np.array(TUNING.raw.luma, F4)
@@ -19,32 +21,136 @@ TENT = np.ones((3, 3), np.uint8)
 """What demosaicing makes of a pixel."""
 
 
-def chroma_is_subsampled(image, tuning):
-    """
-    Return whether the chroma of an image has half of its columns, as in JPEG 4:2:0.
+@dataclass(frozen=True)
+class Look:
+    """What a few rows of a raw image tell of its camera, before anything is matched."""
 
-    The decoder interpolates the missing columns. The second differences of chroma along a row
-    then come in pairs, on even or on odd columns. They do not in an image of a sensor, with or
-    without demosaicing. Differences of two channels have no luma in them.
+    gray: bool
+    """It shows light without any color. The compression of JPEG leaves 1 or 2 DN of it."""
+    hot: bool
+    """More single pixels stand out than scenes and noise explain."""
+    subsampled: bool
+    """Its chroma has half of its columns, see `chroma_is_subsampled`."""
+    sharpness: float
+    """Of its sharpest edges, see `sharpness`."""
+    noise_weight: float
+    """See `noise_weight`."""
+
+
+class Looker:
+    """
+    Looks at the raw images of pairs.
 
     Parameters
     ----------
-    image : numpy.ndarray, uint8, shape (H, W, 3)
-        RGB.
-    tuning : RawTuning
+    height, width : int
+        Of both images, px.
+    tuning : Tuning
 
     """
-    first, step = tuning.rows
-    rows = image[first::max(1, min(step, len(image) // tuning.least_rows))]
-    if rows.shape[0] == 0 or rows.shape[1] < tuning.least_columns:
+
+    def __init__(self, height, width, tuning):
+        """Allocate what the kernel writes."""
+        self.height, self.width, self.tuning = height, width, tuning
+        self.counts = np.zeros((2, len(QUANTITIES)), np.int64)
+        self.scratch = np.zeros((2, 3, width + EDGE_REACH), np.uint8)
+        self.shares = np.zeros((2, (height // EDGE_ROWS + 1) * width), F4)
+
+    def look(self, left, right):
+        """
+        Look at a pair.
+
+        Parameters
+        ----------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            RGB, contiguous.
+
+        Returns
+        -------
+        looks : tuple of two Look
+            Of left and right.
+
+        """
+        look_at_rows(read_only(left), read_only(right), self.counts, self.scratch, self.shares)
+        return tuple(self.judged(dict(zip(QUANTITIES, counts)), shares)
+                     for counts, shares in zip(self.counts.tolist(), self.shares))
+
+    def judged(self, counts, shares):
+        """Return the Look of one image: counts by name, and the shares of its edges."""
+        tuning, lit = self.tuning, counts['lit']
+        colorless = lit - counts['colored']
+        values = 3 * self.width * counts['spike_rows']
+        return Look(
+            gray=lit > 0 and colorless / lit >= tuning.brightness.gray_share,
+            hot=counts['spikes'] > tuning.raw.hot_share * values,
+            subsampled=chroma_is_subsampled(counts, self.width, tuning.raw),
+            sharpness=sharpness(shares[:counts['edges']], tuning.unlike),
+            noise_weight=noise_weight(counts, self.height, self.width, tuning.views))
+
+
+def read_only(image):
+    """Return a view that kernels cannot write: they are compiled for one kind of array."""
+    view = image.view()
+    view.flags.writeable = False
+    return view
+
+
+def chroma_is_subsampled(counts, width, tuning):
+    """
+    Return whether the chroma of an image has half of its columns, as in JPEG 4:2:0.
+
+    The decoder interpolates the missing columns. The third differences of chroma along a row
+    then come in pairs, on even or on odd columns. They do not in an image of a sensor, with or
+    without demosaicing. Differences of two channels have no luma in them.
+
+    counts: of `raw_kernels.look_at_rows`, by name; tuning: RawTuning.
+
+    """
+    rows = counts['chroma_rows']
+    if rows == 0:
         return False
-    red, green, blue = (channel.astype(np.int16) for channel in cv2.split(rows))
+    evens, odds = rows * (-(-(width - 3) // 2)), rows * ((width - 3) // 2)
     total = 0.0
-    for chroma in (red - green, blue - green):
-        third = np.abs(np.diff(chroma, 3))
-        even, odd = third[:, 0::2].mean(), third[:, 1::2].mean()
+    for color in ('red', 'blue'):
+        even, odd = counts[f'even_{color}'] / evens, counts[f'odd_{color}'] / odds
         total += math.log((even + tuning.least_change) / (odd + tuning.least_change))
-    return abs(total) > 2 * tuning.pairing + tuning.chance / math.sqrt(third[:, ::2].size)
+    return abs(total) > 2 * tuning.pairing + tuning.chance / math.sqrt(evens)
+
+
+def sharpness(shares, tuning):
+    """
+    Return how sharp the sharpest edges of an image are: change over two pixels over their height.
+
+    Only the green channel is looked at. 1 where there are too few edges to tell.
+
+    shares: float32 (N,), of the places on edges; tuning: UnlikeTuning.
+
+    """
+    count = len(shares)
+    if count < tuning.least_edges:
+        return 1.0
+    at = count - 1 - count // tuning.edge_rank
+    return float(np.partition(shares, at)[at])
+
+
+def noise_weight(counts, height, width, tuning):
+    """
+    Return the weight that mere noise has at a node of an image.
+
+    The noise of a single-chip camera changes slowly from pixel to pixel, since demosaicing
+    interpolates. The noise of other cameras, and that of gray images without any pattern, is
+    independent from pixel to pixel: its gradients are steeper.
+
+    counts: of `raw_kernels.look_at_rows`, by name; tuning: ViewTuning.
+
+    """
+    demosaiced, independent = tuning.noise_weights
+    if height <= tuning.noise_rows[0] or width < 3:
+        return independent
+    near, far = counts['near'] / (width - 1), counts['far'] / (width - 2)
+    low, high = tuning.noise_steps
+    share = np.clip((near / max(far, tuning.least_change) - low) / (high - low), 0, 1)
+    return demosaiced + share * (independent - demosaiced)
 
 
 def quantization(image, tuning):
@@ -83,51 +189,6 @@ def step_of(values, tuning):
         if score > best:
             found, best = step, score
     return found
-
-
-def sharpness(image, tuning):
-    """
-    Return how sharp the sharpest edges of an image are: change over two pixels over their height.
-
-    Only the green channel is looked at. 1 where there are too few edges to tell.
-
-    Parameters
-    ----------
-    image : numpy.ndarray, uint8, shape (H, W, 3)
-        RGB.
-    tuning : UnlikeTuning
-
-    """
-    rows = np.ascontiguousarray(image[tuning.edge_rows // 2::tuning.edge_rows, :, 1])
-    if rows.shape[0] == 0 or rows.shape[1] <= tuning.edge_reach:
-        return 1.0
-    around = np.ones((1, tuning.edge_reach), np.uint8)
-    height = cv2.subtract(cv2.dilate(rows, around), cv2.erode(rows, around))[:, 1:-1]
-    change = cv2.absdiff(rows[:, 2:], rows[:, :-2])
-    edges = height > tuning.least_edge
-    count = np.count_nonzero(edges)
-    if count < tuning.least_edges:
-        return 1.0
-    share = change[edges].astype(F4) / height[edges]
-    at = count - 1 - count // tuning.edge_rank
-    return float(np.partition(share, at)[at])
-
-
-def has_hot_pixels(image, tuning):
-    """
-    Return whether more single pixels stand out of an image than scenes and noise explain.
-
-    image: uint8 (H, W, 3); tuning: RawTuning.
-
-    """
-    height, width = image.shape[:2]
-    first, step = tuning.rows
-    centers = np.arange(max(first, 2), height - 2, step)
-    if centers.size == 0 or width < tuning.least_columns:
-        return False
-    strips = image[(centers[:, None] + np.arange(-2, 3)).ravel()]
-    spikes = cv2.subtract(strips, cv2.dilate(strips, RING))[2::5]
-    return np.count_nonzero(spikes > tuning.spike) > tuning.hot_share * spikes.size
 
 
 def without_hot_pixels(image, tuning):

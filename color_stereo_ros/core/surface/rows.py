@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 
 from ..rows.alignment import RowEvidence, terms
-from ..rows.estimate import median, significant, updated
+from ..rows.estimate import median, significant, updated, warm
 from ..rows.tuning import TUNING as ROWS
 from .grid_kernels import F4
 from .row_kernels import (
@@ -28,6 +28,7 @@ class RowTracker:
     def __init__(self, grid, tuning, arena):
         """Allocate the cells."""
         self.grid, self.before = grid, 0
+        warm()
         self.suit(tuning)
         lines, columns = (-(-count // CELL) for count in grid.nodes)
         self.shape = lines, columns

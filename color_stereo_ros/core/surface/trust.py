@@ -250,11 +250,13 @@ class Trust:
         Parameters
         ----------
         verdict : Verdict
-        assumed, variance : numpy.ndarray, float32, shape (rows, columns)
-            Variances as `judge` has taken them, and as they are, px^2.
+        assumed : numpy.ndarray, float32, shape (rows, columns)
+            Variances as `judge` has taken them, px^2.
+        variance : numpy.ndarray, float32, framed
+            Variances as they are, px^2.
 
         """
-        rescale_std(verdict.std[self.grid.inner], self.evidence[APART], assumed, variance)
+        rescale_std(verdict.std, self.evidence[APART], assumed, variance)
 
     def doubt_dark_places(self, views, verdict):
         """Change the log-odds of compressed images by their light, and the deviation."""

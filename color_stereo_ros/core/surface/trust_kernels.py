@@ -397,15 +397,21 @@ def rescale_std(k, std, apart, assumed, variance):
     """
     Change standard deviations, px, of `settle` from assumed variances of planes to true ones.
 
-    All float32 (rows, columns): apart is the evidence APART; assumed and variance are px^2. Where
-    assumed is not a positive number the standard deviation stays.
+    std and variance are framed, apart, the evidence APART, and assumed are (rows, columns); all
+    float32, variances in px^2. Where assumed is not a positive number the standard deviation
+    stays.
 
     """
-    first, last = band(k, std.shape[0])
-    for y in range(first, last):
-        for x in range(std.shape[1]):
-            distance = STD_PER_DISTANCE * apart[y, x] * apart[y, x]
+    rows, columns = apart.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        y = row + PAD
+        aparts, befores = apart[row], assumed[row]
+        afters, out = variance[y, PAD:PAD + columns], std[y, PAD:PAD + columns]
+        for x in range(columns):
+            distance = STD_PER_DISTANCE * aparts[x] * aparts[x]
             other = distance * distance / VARIANCE_FACTOR
-            before = assumed[y, x]
-            if (before > F4(0)) & (before < F4(np.inf)):
-                std[y, x] *= math.sqrt((variance[y, x] + other) / (before + other))
+            before = befores[x]
+            known = (before > F4(0)) & (before < F4(np.inf))
+            ratio = (afters[x] + other) / (before + other)
+            out[x] *= math.sqrt(ratio if known else F4(1))

@@ -16,12 +16,11 @@ import numpy as np
 
 from ..cameras.rectification import inside_image, raw_coordinates
 from ..compiled import BANDS
-from .gains import channel_gains, noise_weight
+from .gains import channel_gains
 from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .moving import MovedRows
-from .raw_faults import (
-    chroma_is_subsampled, has_hot_pixels, LUMA, quantization, sharpness, without_hot_pixels)
+from .raw_faults import Looker, LUMA, quantization, without_hot_pixels
 from .view_kernels import box_sums, channel_levels, sample_colors
 
 ROOT12 = F4(2 * math.sqrt(3.0))
@@ -48,7 +47,7 @@ class Views:
     psf : numpy.float32
         Variance of the point spread that all nodes share, px^2; 0 switches foreshortening off.
     noise_weight : numpy.float32
-        Of the pair in force, see `gains.noise_weight`.
+        Of the pair in force, see `raw_faults.noise_weight`.
     compressed : bool
         The chroma of a view of the pair in force is subsampled.
     evened : float
@@ -62,6 +61,7 @@ class Views:
 
     def __init__(self, calibration, grid, settings, tuning, rectified_input, arena):
         """Build the maps of both cameras and make their point spreads alike."""
+        self.looker = Looker(calibration.left.height, calibration.left.width, tuning)
         margin, raw, unlike, tuning = tuning.rows.margin, tuning.raw, tuning.unlike, tuning.views
         self.grid, self.settings, self.tuning, self.raw = grid, settings, tuning, raw
         self.unlike = unlike
@@ -87,7 +87,7 @@ class Views:
         self.quantization = 1.0
         self.evened = self.common_blur = 0.0
 
-    def load(self, left, right, applied):
+    def load(self, left, right, applied, looks=None):
         """
         Take the raw images of a pair.
 
@@ -97,6 +97,8 @@ class Views:
             RGB.
         applied : numpy.ndarray, shape (7,)
             By which the rows of the right view are corrected, px, see `rows.alignment`.
+        looks : sequence of two Look, optional
+            What `looker` tells of these images; default: it is asked.
 
         Returns
         -------
@@ -108,11 +110,14 @@ class Views:
             self.moved.move(applied)
         self.evened = 0.0
         color = self.settings.color
-        left, right = (without_hot_pixels(image, self.raw) if has_hot_pixels(image, self.raw)
-                       else image for image in (left, right))
-        self.common_blur = self.blur_of_both(left, right)
+        looks = looks or self.looker.look(left, right)
+        if any(look.hot for look in looks):
+            left, right = (without_hot_pixels(image, self.raw) if look.hot else image
+                           for image, look in zip((left, right), looks))
+            looks = self.looker.look(left, right)
+        self.common_blur = self.blur_of_both(looks)
         # where one view is compressed, the other one gets the same treatment: they stay alike
-        self.compressed = any(chroma_is_subsampled(image, self.raw) for image in (left, right))
+        self.compressed = any(look.subsampled for look in looks)
         cell = self.raw.dark_cell if self.compressed else 1
         levels = [self.left.load(left, color, cell), self.right.load(right, color, cell)]
         self.share_dark_levels(levels)
@@ -120,7 +125,7 @@ class Views:
         smoothing = self.smoothing(left, right) if self.compressed else None
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
             view.fill(dark, gain, color, smoothing)
-        self.noise_weight = F4(noise_weight(left, self.tuning))
+        self.noise_weight = F4(looks[0].noise_weight)
         return self
 
     def copied(self):
@@ -147,12 +152,12 @@ class Views:
                 view.add_print()
         self.noise_weight = F4(self.noise_weight / (1 + 2 * self.tuning.averaging_radius) ** 2)
 
-    def blur_of_both(self, left, right):
-        """Return common_blur of raw images."""
+    def blur_of_both(self, looks):
+        """Return common_blur of raw images, of which a Look each is known."""
         tuning = self.unlike
         if not (tuning.common and tuning.blur and self.settings.matching.blur_matching):
             return 0.0
-        sharpest = max(sharpness(left, tuning), sharpness(right, tuning))
+        sharpest = max(look.sharpness for look in looks)
         if sharpest >= tuning.sharpnesses[-1]:
             return 0.0
         return float(np.interp(sharpest, tuning.sharpnesses, tuning.common_blurs))
@@ -269,9 +274,10 @@ class View:
                        mean)
         self.sees_black = True
         if color.dark_level < 0:
-            darkest = self.pixels[step // 2::step, step // 2::step, :3].max(axis=2).ravel()
-            at = darkest.size // tuning.dark_level_rank
-            self.sees_black = np.partition(darkest, at)[at] <= tuning.largest_dark_level
+            sampled = self.pixels[step // 2::step, step // 2::step]
+            darkest = np.maximum(np.maximum(sampled[..., 0], sampled[..., 1]), sampled[..., 2])
+            dark_ones = np.count_nonzero(darkest <= tuning.largest_dark_level)
+            self.sees_black = dark_ones > darkest.size // tuning.dark_level_rank
             if tuning.dark_needs_black and not self.sees_black:
                 brighten(dark, mean, min(dark.min(), F4(tuning.usual_dark_level)))
         return dark, mean
