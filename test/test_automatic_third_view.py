@@ -62,7 +62,11 @@ def test_what_was_found_is_carried_on_until_it_is_forgotten(rig):
     found = rig.projector
     following = rig.process(*pair(noise=2)).projector
     assert following.agreeing and following.share > 0.9 and following.shift < 0.2
-    assert following.model is not found.model
+    assert following.model is found.model and following.age == 1
+    track = following
+    for noise in range(3, 10):
+        track = rig.process(*pair(noise=noise), projector=track).projector
+    assert track.model is not found.model and track.age == 0
     rig.process(*pair(noise=3), projector=Track())
     assert rig.projector is following
     rig.reset()

@@ -10,6 +10,8 @@ from .adjustment import Evidence
 from .patch_kernels import HALF, place_patches
 from .tuning import TUNING
 
+REACH = HALF - 1  # of the neighbors that tell how smooth a surface is, px
+
 
 @dataclass(frozen=True, eq=False)
 class Sites:
@@ -129,6 +131,17 @@ class Measured:
                                 (pixels[:, 1] - g.center_y) / g.focal_y, np.ones(len(pixels))])
 
 
+def site_rows(height, step):
+    """Return the rows of pixels of an image of a height from which `sites` chooses, int64 (N,)."""
+    return np.arange(HALF + step // 2, height - HALF, step)
+
+
+def lines_around(height, step):
+    """Return the rows of pixels whose measurement `sites` reads, int64 (N,), ascending."""
+    rows = site_rows(height, step)[:, None] + np.array([-REACH, 0, REACH])
+    return np.unique(rows)
+
+
 def sites(measured, step):
     """
     Choose pixels on surfaces that are smooth over a patch, spread over the image.
@@ -145,10 +158,10 @@ def sites(measured, step):
 
     """
     height, width = measured.depth.shape
-    rows = np.arange(HALF + step // 2, height - HALF, step)
+    rows = site_rows(height, step)
     columns = np.arange(HALF + step // 2, width - HALF, step)
     y, x = (each.ravel() for each in np.meshgrid(rows, columns, indexing='ij'))
-    reach = HALF - 1
+    reach = REACH
     inverse = [1.0 / measured.depth[y + dy, x + dx].astype(np.float64)
                for dy, dx in ((0, 0), (0, -reach), (0, reach), (-reach, 0), (reach, 0))]
     here, before, after, above, below = inverse

@@ -302,6 +302,14 @@ class TrackTuning(Constants):
         chosen('.9 to 1 at rest, .0 to .4 after a jump.'))
     learning: float = constant(
         0.1, '1', 'Weight of a pair in what is usual.', unexplained('Ten pairs.'))
+    refresh: int = constant(
+        8, 'pairs', 'Pairs after which the model is brought up to date.',
+        derived('A warm projector moves by .02 px of the pattern per pair; .2 px is the error of '
+                'a patch.'))
+    restless: float = constant(
+        1.2, '1', 'Median distance of the patches from their predictions from which the model is '
+        'brought up to date at once, residuals.',
+        chosen('At rest 150 patches change their median by a tenth.'))
     bump: float = constant(
         0.5, 'px', 'Median distance of the patches from their predictions, px of the pattern, '
         'from which the pose is forgotten.', chosen('.05 to .2 at rest beyond the noise.'))

@@ -44,8 +44,8 @@ class Follower:
         Parameters
         ----------
         given : Given
-        two : Measurement
-            Of the two cameras.
+        two : callable
+            Returns the Measurement of the two cameras, at some rows of pixels or at all.
 
         Returns
         -------
@@ -57,11 +57,12 @@ class Follower:
         if not track.held:
             if track.model is None and not (track.due and given.search):
                 return missed(track)
-            measured = self.measured(two, given.image())
             tracker = given.tracker()
-            track = tracker.follow(track, measured)
+            if track.model is not None:
+                few = two(tracker.lines(self.geometry.height))
+                track = tracker.follow(track, self.measured(few, given.image()))
             if track.due and given.search:
-                track = tracker.search(track, measured)
+                track = tracker.search(track, self.measured(two(), given.image()))
         return self.prepared(track)
 
     def prepared(self, track):

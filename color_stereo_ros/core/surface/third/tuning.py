@@ -31,8 +31,8 @@ class SweepTuning(Constants):
         derived('Prevents division by 0.'))
 
     prepared_places: float = constant(
-        0.02, 'px', 'Largest change of the distortion for which the pattern is straightened anew.',
-        derived('Less than the error of its interpolation.'))
+        0.1, 'px', 'Largest change of the distortion for which the pattern is straightened anew.',
+        derived('Half of the deviation of `use.phase_variance`.'))
     prepared_scale: float = constant(
         0.03, '1', 'Largest change of the scale for which the pattern is blurred anew.',
         derived('A blur of 1 px is off by .03 px.'))
