@@ -90,6 +90,8 @@ class Given:
     """Called without arguments, returns the ProjectorTracker; the first call takes a moment."""
     search: bool = False
     """Search within the pair; False: the caller searches beside the pairs."""
+    cut: object = None
+    """Cuts patches of the rectified left image, see `Measured.cut`; None: the image is made."""
 
     def pattern(self):
         """Return what the projector shows, uint8 (H', W', 3)."""

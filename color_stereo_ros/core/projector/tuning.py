@@ -170,6 +170,9 @@ class PatchTuning(Constants):
     singular: float = constant(
         1e-4, '1', 'Share of the product of its diagonal from which the determinant of a 2 x 2 '
         'matrix is 0.', derived('Stripes have one direction.'), compiled=True)
+    settled: float = constant(
+        0.02, 'px', 'Step of a patch from which its place is taken, px of the pattern.',
+        derived('A tenth of its error; the next step is much smaller.'), compiled=True)
     least_blur: float = constant(
         0.3, 'px', 'Least blur of the pattern.', derived('Less changes nothing.'))
     bend: float = constant(

@@ -113,10 +113,32 @@ def local_light(u, v, light, colors, variance, known):
     tuning = TUNING.color
     change, error = np.zeros((3, *u.shape), F4), np.empty(u.shape, F4)
     sums, limits = np.empty((9, *u.shape), F4), np.array(tuning.change_limits, F4)
-    for radius, hold in zip(tuning.radii, tuning.holds):
+    for radius, hold, thin in zip(tuning.radii, tuning.holds, tuning.thinnings):
         color_slopes(u, v, variance, light, known, colors, change, sums)
-        for plane in sums:
-            cv2.blur(plane, (2 * radius + 1,) * 2, dst=plane, borderType=cv2.BORDER_CONSTANT)
-        solve_changes(sums, F4(hold), limits, change)
+        size = tuple(max(1, count // thin) for count in reversed(u.shape))
+        windows = np.stack([averaged(plane, size, radius // thin) for plane in sums])
+        step = np.stack([resized(plane, size) for plane in change])
+        solve_changes(windows, F4(hold), limits, step)
+        change = np.stack([resized(plane, u.shape[::-1]) for plane in step])
     color_errors(u, v, variance, light, known, colors, change, error)
     return np.exp(change), error
+
+
+def resized(plane, size):
+    """Return a smooth plane on a grid of another size (columns, rows)."""
+    return plane if plane.shape[::-1] == size else cv2.resize(plane, size,
+                                                              interpolation=cv2.INTER_LINEAR)
+
+
+def averaged(plane, size, radius):
+    """Return means over windows of a radius, on a thinner grid of a size (columns, rows)."""
+    if plane.shape[::-1] != size:
+        plane = cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
+    return cv2.blur(plane, (2 * radius + 1,) * 2, borderType=cv2.BORDER_CONSTANT)
+
+
+def warm(shape):
+    """Run the kernels once on a grid of a shape."""
+    plane, light = np.ones(shape, F4), np.ones((3, *shape), F4)
+    local_light(plane, plane, light, np.eye(3, 4, dtype=F4), plane, np.zeros(shape, bool))
+    fitted_colors(*np.ones((2, 8), F4), light.reshape(3, -1)[:, :1].repeat(8, axis=1), np.ones(8))

@@ -60,7 +60,8 @@ class Follower:
             tracker = given.tracker()
             if track.model is not None:
                 few = two(tracker.lines(self.geometry.height))
-                track = tracker.follow(track, self.measured(few, given.image()))
+                image = given.image() if given.cut is None else None
+                track = tracker.follow(track, self.measured(few, image, given.cut))
             if track.due and given.search:
                 track = tracker.search(track, self.measured(two(), given.image()))
         return self.prepared(track)
@@ -72,10 +73,10 @@ class Follower:
         return track.but(prepared=prepared_for(track.model, track.prepared, self.geometry,
                                                self.limits))
 
-    def measured(self, measurement, image):
+    def measured(self, measurement, image, cut=None):
         """Return what is known of the pixels as the search takes it."""
         return Measured(image, measurement.depth, measurement.disparity_std,
-                        measurement.confidence, self.geometry)
+                        measurement.confidence, self.geometry, cut)
 
     def alone(self, given, track, measurement):
         """

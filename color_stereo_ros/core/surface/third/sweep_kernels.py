@@ -125,20 +125,22 @@ def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, co
         slope_v[n] = gvs[n]
 
 
-@serial(fastmath=FAST)
-def places_of_nodes(sweep, d, step, out):
+@banded(fastmath=FAST)
+def places_of_nodes(k, sweep, d, step, out):
     """Write column and row of the pattern, px, of every step-th node, float32 (2, h, w)."""
     m = numbers(sweep)
-    for row in range(out.shape[1]):
-        for column in range(out.shape[2]):
-            x, y = F4(2 * step * column) + F4(0.5), F4(2 * step * row) + F4(0.5)
-            here = d[PAD + step * row, PAD + step * column]
-            depth = m[8] * x + m[9] * y + m[10] + m[11] * here
+    first, last = band(k, out.shape[1])
+    for row in range(first, last):
+        y = F4(2 * step * row) + F4(0.5)
+        here, us, vs = d[PAD + step * row], out[0, row], out[1, row]
+        for column in range(us.size):
+            x, value = F4(2 * step * column) + F4(0.5), here[PAD + step * column]
+            depth = m[8] * x + m[9] * y + m[10] + m[11] * value
             ahead = depth > LEAST_DEPTH
             inverse = F4(1) / (depth if ahead else LEAST_DEPTH)
-            out[0, row, column] = (
-                (m[0] * x + m[1] * y + m[2] + m[3] * here) * inverse if ahead else FAR_OUTSIDE)
-            out[1, row, column] = (m[4] * x + m[5] * y + m[6] + m[7] * here) * inverse
+            u = (m[0] * x + m[1] * y + m[2] + m[3] * value) * inverse
+            us[column] = u if ahead else FAR_OUTSIDE
+            vs[column] = (m[4] * x + m[5] * y + m[6] + m[7] * value) * inverse
 
 
 @part()

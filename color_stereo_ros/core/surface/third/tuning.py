@@ -23,6 +23,9 @@ class SweepTuning(Constants):
     unit: float = constant(
         1 / 255, '1', 'Light per step of a packed pixel.', derived('A byte for each channel.'),
         compiled=True)
+    spread_step: float = constant(
+        1.05, '1', 'Ratio of the disparities for which the uncertainty of the projector is kept.',
+        derived('Its variance is off by a twentieth.'))
     samples: tuple = constant(
         (12, 9), '1', 'Places across and down where the uncertainty of the projector is computed.',
         chosen('It changes slowly over the image.'))
@@ -58,6 +61,9 @@ class ColorTuning(Constants):
     sharp: float = constant(
         0.985, '1', 'Share of the spread of the colors from which no further blur is tried.',
         chosen('Sharp views of gray surfaces: .99.'))
+    scale_samples: int = constant(
+        4000, '1', 'Nodes from which the first quartile of the errors is taken, about.',
+        derived('Known to a hundredth.'))
     least_samples: int = constant(
         300, '1', 'Known nodes below which the third view takes no part.',
         chosen('Less than .5 % of the nodes of a VGA pair say nothing about all others.'))
@@ -79,6 +85,9 @@ class ColorTuning(Constants):
     radii: tuple = constant(
         (24, 6, 2), 'coarse nodes', 'Radii of the windows from which local colors are measured.',
         chosen('A material, a part, a print; each holds where the next one knows nothing.'))
+    thinnings: tuple = constant(
+        (4, 2, 1), '1', 'Coarse nodes per node of the grid on which windows are averaged.',
+        derived('Smooth over windows: radii / 2 and less.'))
     holds: tuple = constant(
         (2.0, 4.0, 8.0), '1', 'Hold of the local colors towards those of the larger window.',
         chosen('A node of usual noise weighs 400 times its share of a window.'))

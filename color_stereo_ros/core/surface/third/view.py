@@ -11,14 +11,14 @@ from ...projector.model import COUNT, ProjectorModel
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
 from ..planes import LeastSquares, Linearized, PlaneField
-from .colors import explained, fitted_colors, Light, local_light
+from .colors import explained, fitted_colors, Light, local_light, warm as warm_colors
 from .fusion import Fusion, known_planes
 from .projected import Projected
 from .search import SweepSearch
-from .sweep import geometry_variance
 from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
 from .tuning import TUNING
 
+DOUBT = None
 WARM = 8, 8  # size of a pattern that nobody sees, px
 NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
 
@@ -184,6 +184,7 @@ class ThirdView:
         """
         self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
         nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
+        warm_colors(self.coarse.disparity.shape)
         self.witness(planes, light)
         self.fill(planes, nothing, light, self.solver.linearized, PairModel.neutral(self.views),
                   nothing)
@@ -210,13 +211,11 @@ class ThirdView:
     def std(self):
         """Return the standard deviations of the planes of the third view, px, float32 framed."""
         variance = F4(TUNING.use.variance_factor) * self.planes.variance
-        thin = self.coarse.factor
+        thin = 4 * self.coarse.factor
         d = self.planes.d[self.grid.inner][::thin, ::thin]
         middle = float(np.nanmedian(d)) if np.isfinite(d).any() else float(np.mean(self.limits))
-        variance[self.grid.inner] += cv2.resize(
-            geometry_variance(self.projected.model, self.geometry, middle).astype(F4),
-            self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
-        return np.sqrt(variance)
+        variance[self.grid.inner] += self.projected.spread(self.geometry, middle, self.grid.nodes)
+        return np.sqrt(variance, out=variance)
 
     def measure_alone(self, pair):
         """
@@ -251,7 +250,8 @@ class ThirdView:
         place = np.empty((2, *shape), F4)
         places_of_nodes(self.projected.sweep, planes.d, step, place)
         thin = np.s_[:shape[0] * step:step, :shape[1] * step:step]
-        u, v, variance = (each[inner][thin] for each in (left.u, left.v, left.variance))
+        u, v, variance = (np.ascontiguousarray(each[inner][thin])
+                          for each in (left.u, left.v, left.variance))
         used = known[thin] & self.projected.inside(*place) & (variance < SILENT_VARIANCE)
         count = np.count_nonzero(used)
         if count < tuning.least_samples:
@@ -263,7 +263,8 @@ class ThirdView:
             return None
         sampled = self.projected.light_at(pattern, *place)
         local, error = local_light(u, v, sampled, colors, variance, used)
-        scale = F4(max(np.percentile(error[used], 25) / tuning.quartile, tuning.least_scale))
+        errors = error[used][::max(1, count // tuning.scale_samples)]
+        scale = F4(max(np.percentile(errors, 25) / tuning.quartile, tuning.least_scale))
         size = (2 * tuning.unrest_radius + 1,) * 2
         share = cv2.blur(used.astype(F4), size)
         unrest = cv2.blur(np.minimum(error, F4(tuning.unrest_limit) * scale), size) / np.maximum(
@@ -367,7 +368,7 @@ class ThirdView:
                 self.propagate(light, tiles, region, steps)
             own = self.linearize(solver, mine, light, tiles, region, mine.misfit, known)
             solver.fit(own, self.views, mine, pair, tiles, turn)
-        self.linearize(solver, mine, light, tiles, region, mine.misfit, known)
+        # the misfit stays that before the last fit
 
     def propagate(self, light, tiles, region, steps):
         """Let the nodes of a region try the planes of their neighbors."""
@@ -385,6 +386,11 @@ class ThirdView:
         for step in steps:
             self.cost.fill(cap)
             best = windows(0, 0)
+            if DOUBT is not None:
+                mine.cost[...] = best
+                region = cv2.dilate(((best > F4(DOUBT)) & region).view(np.uint8), np.ones((5, 5), np.uint8)).view(bool) & region
+                tiles = self.tiles_with(region)
+                self.cost.fill(cap)
             tried = [(dy * step, dx * step) for dy, dx in NEIGHBORS]
             costs = [windows(*each) for each in tried]
             with mine.rewriting(keep_unwritten=True) as (old, new):
