@@ -459,6 +459,7 @@ def test_normal_equations_of_colors_are_those_of_their_rows():
     color_equations(u, v, light, weight, colors, 0.02, normal)
     p = np.vstack([light, np.ones(40)]).astype(float)
     size, root = np.sqrt(weight) / np.sum(colors @ p, axis=0), 3 ** 0.5
+    u, v = u.astype(float), v.astype(float)
     rows = [np.vstack([each * p for each in three]) * size for three in (
         (u - 2.0, u + 1.0, u + 1.0), (v, v - root, v + root))]
     np.testing.assert_allclose(normal, sum(each @ each.T for each in rows), rtol=1e-9)

@@ -141,17 +141,31 @@ class ProjectorTracker:
         where = where.every(len(where) // tuning.most_sites + 1)
         if len(where) < tuning.least_patches:
             return missed(track)
-        evidence, share, _ = placed(track.model, measured, self._colors(track.smoothing), where,
-                                    tuning.rounds)
+        colors, age = self._colors(track.smoothing), track.age + 1
+        few = where.every(max(len(where) // tuning.watched, 1))
+        if age < tuning.refresh and len(few) >= tuning.least_patches:
+            evidence, share, _ = placed(track.model, measured, colors, few, tuning.rounds)
+            usual = track.usual if np.isfinite(track.usual) else share
+            if len(evidence) >= tuning.least_patches and share >= tuning.least_share * usual:
+                shift = apart_from(track.model, evidence)
+                if shift < tuning.restless * track.model.residual:
+                    return self._agreeing(track, track.model, share, shift, age)
+        evidence, share, _ = placed(track.model, measured, colors, where, tuning.rounds)
         usual = track.usual if np.isfinite(track.usual) else share
         if len(evidence) < tuning.least_patches or share < tuning.least_share * usual:
             return missed(track.but(share=share))
-        shift, model, age = apart_from(track.model, evidence), track.model, track.age + 1
-        if shift > max(tuning.bump, 2 * model.residual):
-            model, age = again(model, evidence), 0
-        elif age >= tuning.refresh or shift > tuning.restless * model.residual:
-            model, age = updated(model, evidence, age), 0
-        usual += tuning.learning * (share - usual)
+        shift = apart_from(track.model, evidence)
+        if shift > max(tuning.bump, 2 * track.model.residual):
+            model = again(track.model, evidence)
+        else:
+            model = updated(track.model, evidence, age)
+        return self._agreeing(track, model, share, shift, 0)
+
+    @staticmethod
+    def _agreeing(track, model, share, shift, age):
+        """Return the track after a pair that agrees."""
+        usual = track.usual if np.isfinite(track.usual) else share
+        usual += TUNING.track.learning * (share - usual)
         return track.but(model=model, age=age, agreeing=True, share=share, usual=usual,
                          shift=shift, wait=0, tries=0)
 

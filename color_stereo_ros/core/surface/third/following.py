@@ -68,7 +68,7 @@ class Follower:
 
     def prepared(self, track):
         """Return the track with the model for which the pattern is straightened and blurred."""
-        if not track.usable:
+        if not track.usable or (track.age and track.prepared is not None):  # age: the same model
             return track
         return track.but(prepared=prepared_for(track.model, track.prepared, self.geometry,
                                                self.limits))
