@@ -303,8 +303,8 @@ def test_coarse_costs_are_differences_of_colors_and_leave_known_nodes_alone():
     light = rng.uniform(0.6, 1.2, (3, h, w)).astype(F4)
     cost, needed = np.zeros((h, w, depth), np.int16), rng.integers(0, 3, (h, w), np.uint8)
     sweep_costs(left[0], left[1], trust, given['flat'], given['size'], given['colors'], light,
-                known, needed, given['sweep'], F4(1.5), F4(4), F4(2), F4(0.5), F4(100), np.int16(160),
-                np.int16(70), F4(40), cost)
+                known, needed, given['sweep'], F4(1.5), F4(4), F4(2), F4(0.5), F4(100),
+                np.int16(160), np.int16(70), F4(40), cost)
     for y, x, n in np.ndindex(h, w, depth):
         if needed[y, x] == 0:
             expected = 0

@@ -143,9 +143,11 @@ def place_patches(image, pattern, pixels, places, affines, rounds, farthest, res
     pattern; affines float64 (N, 2, 2), pattern px per px of the image.
 
     Each chromaticity of the patch is a mix of both of the pattern, which is fitted anew in every
-    round; the last one is that of a step below SETTLED. result, float64 (N, 4): column and row, px of the pattern; standard deviation of
-    either, px; share of the variance of the colors that the pattern explains. NaN where the patch
-    leaves the pattern, moves by more than `farthest` px, or has no structure.
+    round; the last round is the one whose step is below SETTLED.
+
+    result, float64 (N, 4): column and row, px of the pattern; standard deviation of either, px;
+    share of the variance of the colors that the pattern explains. NaN where the patch leaves the
+    pattern, moves by more than `farthest` px, or has no structure.
 
     Serial: a search runs in a thread of its own, beside the parallel kernels of a method, and
     numba does not allow two of these at once.

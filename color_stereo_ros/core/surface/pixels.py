@@ -40,7 +40,7 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None, 
     if lines is None:
         lines = np.arange(geometry.height)
     expand(planes.d, planes.a, planes.b, verdict.std, verdict.log_odds, verdict.reason, beyond,
-           rows, columns, lines, limits, F4(geometry.focal_baseline), F4(geometry.principal_offset),
-           least_odds, disparity, depth, std, confidence, status)
+           rows, columns, lines, limits, F4(geometry.focal_baseline),
+           F4(geometry.principal_offset), least_odds, disparity, depth, std, confidence, status)
     return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
                        status=status, depth=depth)

@@ -18,7 +18,6 @@ from .search import SweepSearch
 from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
 from .tuning import TUNING
 
-DOUBT = None
 WARM = 8, 8  # size of a pattern that nobody sees, px
 NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
 
@@ -386,11 +385,6 @@ class ThirdView:
         for step in steps:
             self.cost.fill(cap)
             best = windows(0, 0)
-            if DOUBT is not None:
-                mine.cost[...] = best
-                region = cv2.dilate(((best > F4(DOUBT)) & region).view(np.uint8), np.ones((5, 5), np.uint8)).view(bool) & region
-                tiles = self.tiles_with(region)
-                self.cost.fill(cap)
             tried = [(dy * step, dx * step) for dy, dx in NEIGHBORS]
             costs = [windows(*each) for each in tried]
             with mine.rewriting(keep_unwritten=True) as (old, new):
