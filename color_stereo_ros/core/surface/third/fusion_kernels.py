@@ -16,7 +16,6 @@ DISTANCE_CAP = F4(TUNING.use.distance_cap)
 LOWEST, HIGHEST = (F4(limit) for limit in TUNING.use.odds_limits)
 AGREEMENT = F4(TUNING.use.agreement)
 KEPT_ODDS = F4(TUNING.use.kept_odds)
-POSSIBLE_ODDS = HOPELESS_ODDS / F4(2)
 NOTHING, AGREE, FIRM, APART = range(4)  # kinds of nodes, see `fusion.Inputs`
 RIGHT_CAMERA, PROJECTOR = 1, 2  # bits of `RangeResult.views`
 
@@ -131,7 +130,7 @@ def sort_nodes(k, two_d, third_d, odds, witness, firm, treated, evidence, kind, 
             evidence[0, row, column] = min(max(two, LOWEST), HIGHEST)
             misfit = witness[y, x]
             evidence[2, row, column] = math.sqrt(misfit if misfit < MISFIT_CAP else MISFIT_CAP)
-            may = two > POSSIBLE_ODDS
+            may = two > HOPELESS_ODDS / F4(2)
             which = APART if told | may else NOTHING
             which = AGREE if told & (abs(third_d[y, x] - two_d[y, x]) < AGREEMENT) else which
             which = FIRM if firm[y, x] else which
