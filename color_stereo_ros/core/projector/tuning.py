@@ -313,9 +313,9 @@ class TrackTuning(Constants):
         derived('A warm projector moves by .02 px of the pattern per pair; .2 px is the error of '
                 'a patch.'))
     restless: float = constant(
-        1.2, '1', 'Median distance of the patches from their predictions from which the model is '
+        1.5, '1', 'Median distance of the patches from their predictions from which the model is '
         'brought up to date at once, residuals.',
-        chosen('At rest 150 patches change their median by a tenth.'))
+        derived('At rest the median of 60 patches changes by a tenth: five deviations.'))
     bump: float = constant(
         0.5, 'px', 'Median distance of the patches from their predictions, px of the pattern, '
         'from which the pose is forgotten.', chosen('.05 to .2 at rest beyond the noise.'))
