@@ -218,7 +218,7 @@ def read_bilinear(colors, u, v):
     return value, (1 - fy) * (b - a) + fy * (d - c), (1 - fx) * (c - a) + fx * (d - b)
 
 
-def place_patch(image, pattern, pixel, place, affine, rounds, farthest, half, dark):
+def place_patch(image, pattern, pixel, place, affine, rounds, farthest, half, dark, settled):
     """Return the row of results that `place_patches` writes for one patch."""
     offsets = [(i, j) for j in range(-half, half + 1) for i in range(-half, half + 1)]
     own = np.array([chromaticity(image[pixel[1] + j, pixel[0] + i], dark) for i, j in offsets])
@@ -239,9 +239,12 @@ def place_patch(image, pattern, pixel, place, affine, rounds, farthest, half, da
         normal = slopes.T @ slopes
         if turn == rounds:
             break
-        at = at + np.linalg.solve(normal, slopes.T @ error)
+        step = np.linalg.solve(normal, slopes.T @ error)
+        at = at + step
         if (np.abs(at - place) >= farthest).any():
             return nothing
+        if np.abs(step).sum() < settled:
+            break
     variance = error @ error / (2 * len(offsets) - 8)
     spread = math.sqrt(variance * np.trace(np.linalg.inv(normal)) / 2)
     return np.array([*at, spread, 1 - error @ error / np.sum(own ** 2)])

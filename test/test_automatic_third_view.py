@@ -3,6 +3,7 @@
 
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.projector import Reason, Track
+from color_stereo_ros.core.projector.tuning import TUNING
 import numpy as np
 from projected import CALIBRATION, pair, truth
 import pytest
@@ -62,7 +63,10 @@ def test_what_was_found_is_carried_on_until_it_is_forgotten(rig):
     found = rig.projector
     following = rig.process(*pair(noise=2)).projector
     assert following.agreeing and following.share > 0.9 and following.shift < 0.2
-    assert following.model is not found.model
+    assert following.model is found.model and following.age == 1
+    old = following.but(age=TUNING.track.refresh - 1)
+    fresh = rig.process(*pair(noise=3), projector=old).projector
+    assert fresh.model is not found.model and fresh.age == 0
     rig.process(*pair(noise=3), projector=Track())
     assert rig.projector is following
     rig.reset()

@@ -8,7 +8,7 @@ from color_stereo_ros.core.projector import (
     ProjectorFinder, ProjectorModel, ProjectorTracker, Reason, Track)
 from color_stereo_ros.core.projector.adjustment import (
     adjust, Evidence, lens_of, moved, predicted, to_unknowns, usual_prior, whitened)
-from color_stereo_ros.core.projector.patch_kernels import DARK, HALF, place_patches
+from color_stereo_ros.core.projector.patch_kernels import DARK, HALF, place_patches, SETTLED
 from color_stereo_ros.core.projector.patches import chromatic
 from color_stereo_ros.core.projector.starting import decomposed, linear, projection
 from color_stereo_ros.core.projector.tracking import updated
@@ -168,7 +168,8 @@ def test_patches_are_placed_as_by_loops(pattern):
     result = np.zeros((4, 4))
     image.flags.writeable = colors.flags.writeable = False
     place_patches(image, colors, pixels, places, np.tile(affine, (4, 1, 1)), 5, 6.0, result)
-    expected = [naive.place_patch(image, colors, pixel, place, affine, 5, 6.0, HALF, float(DARK))
+    expected = [naive.place_patch(image, colors, pixel, place, affine, 5, 6.0, HALF, float(DARK),
+                                  SETTLED)
                 for pixel, place in zip(pixels, places)]
     np.testing.assert_allclose(result, expected, rtol=2e-3, atol=2e-3)
     np.testing.assert_allclose(result[:3, :2], pixels[:3] @ affine.T + 200, atol=0.25)

@@ -775,8 +775,13 @@ def expanded(size, seed):
     beyond = rng.random(SHAPE) < 0.3
     limits, least = np.array([-3, 9], F4), F4(0.4)
     images, codes = np.empty((4, *size), F4), np.empty(size, np.uint8)
-    expand(*shape, std, odds, reason, beyond, ROWS, COLUMNS, limits, F4(40), F4(-20), least,
-           *images, codes)
+    expand(*shape, std, odds, reason, beyond, ROWS, COLUMNS, np.arange(size[0]), limits, F4(40),
+           F4(-20), least, *images, codes)
+    some, few = np.full_like(images, -7), np.array([0, 3, size[0] - 1])
+    expand(*shape, std, odds, reason, beyond, ROWS, COLUMNS, few, limits, F4(40), F4(-20), least,
+           *some, np.empty_like(codes))
+    np.testing.assert_array_equal(some[:, few], images[:, few])
+    assert (np.delete(some, few, axis=1) == -7).all()
     expected = naive.expand(shape, std, odds, reason, beyond, ROWS, COLUMNS, limits, 40.0,
                             -20.0, float(least), size)
     return (images, codes), expected
@@ -798,7 +803,7 @@ def test_a_pixel_beside_a_doubtful_node_is_doubted_more():
     images, codes = np.empty((4, 2 * ROWS, 2 * COLUMNS), F4), np.empty(
         (2 * ROWS, 2 * COLUMNS), np.uint8)
     expand(*flat, odds, odds, np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, bool), ROWS, COLUMNS,
-           np.array([-3, 9], F4), F4(40), F4(-20), F4(-9), *images, codes)
+           np.arange(2 * ROWS), np.array([-3, 9], F4), F4(40), F4(-20), F4(-9), *images, codes)
     confidence = images[3]
     assert confidence[6, 11] < confidence[6, 12] < confidence[6, 13]
     assert confidence[6, 13] == pytest.approx(1 / (1 + np.exp(-2)), abs=1e-4)

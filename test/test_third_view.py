@@ -6,14 +6,21 @@ from functools import lru_cache
 from color_stereo_ros.core import ColorStereo, Settings, SettingsError, Status
 from color_stereo_ros.core.compiled import BANDS
 from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
-from color_stereo_ros.core.surface.third.colors import chromaticity, fitted_colors, mixed
-from color_stereo_ros.core.surface.third.fusion_kernels import gather_evidence, weigh_forms
+from color_stereo_ros.core.surface.third.color_kernels import (
+    color_equations, color_errors, color_slopes, solve_changes)
+from color_stereo_ros.core.surface.third.colors import (
+    chromaticity, fitted_colors, local_light, mixed)
+from color_stereo_ros.core.surface.third.fusion_kernels import (
+    AGREE, APART, decide, FIRM, gather_evidence, sort_nodes, weigh_forms)
+from color_stereo_ros.core.surface.third.search import needed_nodes
 from color_stereo_ros.core.surface.third.sweep import (
     geometry_variance, packed, places, straightened, sweep_matrix)
 from color_stereo_ros.core.surface.third.sweep_kernels import (
-    cheapest_disparities, claim_places, find_contested, linearize_sweep, paths_along_columns,
-    paths_along_rows, places_of_nodes, sum_windows, sweep_costs, sweep_misfits, take_better)
+    cheapest_disparities, claim_places, find_contested, linearize_sweep, PATHS,
+    paths_along_columns, paths_along_rows, places_of_nodes, sum_windows, sweep_costs,
+    sweep_misfits, take_better)
 from color_stereo_ros.core.surface.third.tuning import TUNING
+from color_stereo_ros.core.surface.tuning import TUNING as TUNING_OF_TWO
 import naive_sweep
 import numpy as np
 from projected import CALIBRATION, LIMITS, pair, PATTERN, projector, truth
@@ -294,12 +301,14 @@ def test_coarse_costs_are_differences_of_colors_and_leave_known_nodes_alone():
     trust = rng.choice([0, 7, 16], (h, w)).astype(np.int16)
     known = np.where(rng.random((h, w)) < 0.2, 12.0, np.nan).astype(F4)
     light = rng.uniform(0.6, 1.2, (3, h, w)).astype(F4)
-    cost = np.zeros((h, w, depth), np.int16)
+    cost, needed = np.zeros((h, w, depth), np.int16), rng.integers(0, 3, (h, w), np.uint8)
     sweep_costs(left[0], left[1], trust, given['flat'], given['size'], given['colors'], light,
-                known, given['sweep'], F4(1.5), F4(4), F4(2), F4(0.5), F4(100), np.int16(160),
-                np.int16(70), F4(40), cost)
+                known, needed, given['sweep'], F4(1.5), F4(4), F4(2), F4(0.5), F4(100),
+                np.int16(160), np.int16(70), F4(40), cost)
     for y, x, n in np.ndindex(h, w, depth):
-        if known[y, x] == known[y, x]:
+        if needed[y, x] == 0:
+            expected = 0
+        elif known[y, x] == known[y, x]:
             expected = min(40 * abs(n - 12), 160)
         else:
             seen = naive_sweep.color(given['image'], given['colors'], light[:, y, x],
@@ -309,31 +318,51 @@ def test_coarse_costs_are_differences_of_colors_and_leave_known_nodes_alone():
         assert abs(cost[y, x, n] - expected) <= 1.5
 
 
-def test_paths_and_windows_are_those_of_semi_global_matching():
+def runs(needed):
+    """Return the slices of a line of nodes whose paths are needed."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], needed == PATHS, [False]])))
+    return [slice(*each) for each in edges.reshape(-1, 2)]
+
+
+@pytest.mark.parametrize('share', [1.0, 0.7])
+def test_paths_and_windows_are_those_of_semi_global_matching(share):
     rng = np.random.default_rng(4)
     cost = rng.integers(0, 160, (9, 11, 13)).astype(np.int16)
+    needed = np.where(rng.random((9, 11)) < share, PATHS, 1).astype(np.uint8)
     summed, total = np.zeros((2, *cost.shape), np.int16)
-    sum_windows(cost, summed)
-    np.testing.assert_array_equal(summed, naive_sweep.windows(cost))
+    sum_windows(cost, needed, summed)
+    windows = naive_sweep.windows(cost)
+    np.testing.assert_array_equal(summed, np.where((needed == PATHS)[..., None], windows, 0))
     scratch = np.empty((BANDS, 11 // BANDS + 2, 15), np.int16)
-    paths_along_rows(summed, np.int16(60), np.int16(600), np.int16(8000), total, scratch)
-    paths_along_columns(summed, np.int16(60), np.int16(600), np.int16(8000), total, scratch)
+    penalties = np.int16(60), np.int16(600), np.int16(8000)
+    paths_along_rows(summed, needed, *penalties, total, scratch)
+    paths_along_columns(summed, needed, *penalties, total, scratch)
     expected = np.zeros(cost.shape, int)
-    for y in range(9):
-        expected[y] += naive_sweep.path(summed[y], 60, 600)
-        expected[y] += naive_sweep.path(summed[y, ::-1], 60, 600)[::-1]
-    for x in range(11):
-        expected[:, x] += naive_sweep.path(summed[:, x], 60, 600)
-        expected[:, x] += naive_sweep.path(summed[::-1, x], 60, 600)[::-1]
+    for volume, out, nodes_needed in ((summed, expected, needed), (
+            summed.swapaxes(0, 1), expected.swapaxes(0, 1), needed.T)):
+        for line, line_out, some in zip(volume, out, nodes_needed):
+            for run in runs(some):
+                line_out[run] += naive_sweep.path(line[run], 60, 600)
+                line_out[run] += naive_sweep.path(line[run][::-1], 60, 600)[::-1]
     np.testing.assert_array_equal(total, expected)
 
 
+def test_paths_are_needed_around_what_is_unknown_and_costs_around_paths():
+    unknown = np.zeros((7, 8), bool)
+    unknown[3, 3] = True
+    needed = needed_nodes(unknown)
+    assert (needed[2:5, 2:5] == PATHS).all() and np.count_nonzero(needed == PATHS) == 9
+    assert np.count_nonzero(needed) == 25 and needed[1, 1] == 1
+
+
 def test_the_cheapest_disparity_is_refined():
-    total = np.full((1, 2, 12), 900, np.int16)
+    total = np.full((1, 4, 12), 900, np.int16)
     total[0, 0, 3:6] = 300, 100, 200
     total[0, 1, 0] = 450
-    best = np.zeros((1, 2), F4)
-    cheapest_disparities(total, best)
+    best, needed = np.zeros((1, 4), F4), np.array([[2, 2, 1, 0]], np.uint8)
+    known = np.array([[np.nan, np.nan, np.nan, 7]], F4)
+    cheapest_disparities(total, known, needed, best)
+    assert best[0, 2] == best[0, 1] and best[0, 3] == 7
     assert best[0, 0] == pytest.approx(4 + 0.5 * (300 - 200) / (300 - 100))
     assert best[0, 1] == 0
 
@@ -361,6 +390,125 @@ def test_forms_are_weighed_by_the_kinds_of_nodes():
         one = np.append(1, evidence[:, y, x])
         expected = one @ forms[kind[y, x] - 1] @ one if kind[y, x] else 7
         assert out[y, x] == pytest.approx(expected, abs=1e-4)
+
+
+def test_nodes_are_sorted_by_what_both_say_and_the_better_plane_is_taken():
+    rng = np.random.default_rng(9)
+    rows, columns = 7, 9
+    shape = rows + 2 * PAD, columns + 2 * PAD
+    inner = np.s_[PAD:PAD + rows, PAD:PAD + columns]
+    two, third = rng.uniform(0, 2, (2, 4, *shape)).astype(F4)  # d, a, b, standard deviation
+    hopeless = F4(TUNING_OF_TWO.trust.hopeless_odds)
+    odds = rng.choice([hopeless, -3, 1, 4], shape).astype(F4)
+    witness = rng.choice([np.nan, 2, 80], shape).astype(F4)
+    firm, treated = rng.random(shape) < 0.2, rng.random((rows, columns)) < 0.6
+    evidence = np.zeros((8, rows, columns), F4)
+    kind, only_third = np.zeros((2, rows, columns), np.uint8)
+    possible = np.zeros((rows, columns), bool)
+    sort_nodes(two[0], third[0], odds, witness, firm, treated, evidence, kind, only_third,
+               possible)
+    weighed, third_odds = rng.normal(0, 3, (2, rows, columns)).astype(F4)
+    third_odds[only_third == 0] = hopeless
+    doubts, reason = np.array([0, 0.5, 0.25, 0.75], F4), np.full(shape, 3, np.uint8)
+    out = np.zeros((5, *shape), F4)
+    codes, views, takes = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8), np.zeros(
+        shape, bool)
+    decide(kind, possible, evidence, weighed, third_odds, doubts, *two, reason, *third, *out[:4],
+           out[4], codes, views, takes)
+    use = TUNING.use
+    for y, x in np.ndindex(rows, columns):
+        at = y + PAD, x + PAD
+        told, may = treated[y, x], odds[at] > hopeless / 2
+        which = APART if told or may else 0
+        which = AGREE if told and abs(two[0][at] - third[0][at]) < use.agreement else which
+        which = FIRM if firm[at] else which
+        assert (kind[y, x], only_third[y, x], possible[y, x]) == (
+            which, told and which == APART, may)
+        bounded = np.clip(odds[at], *use.odds_limits)
+        np.testing.assert_allclose(evidence[[0, 2], y, x], [bounded, np.sqrt(np.fmin(
+            witness[at], use.misfit_cap))], rtol=1e-6)
+        lost = which == APART and not may
+        own = hopeless if lost else weighed[y, x]
+        better = third_odds[y, x] > own or (which == AGREE and bounded < use.kept_odds)
+        np.testing.assert_allclose(out[:, at[0], at[1]], [
+            *(third if better else two)[:, at[0], at[1]],
+            max(own, third_odds[y, x]) - (0 if lost else doubts[which])], rtol=1e-6)
+        agree = which in (AGREE, FIRM)
+        assert takes[at] == better and codes[at] == (Status.IMPLAUSIBLE if better else 3)
+        assert views[at] == (1 if agree or not better else 0) + (2 if agree or better else 0)
+    np.testing.assert_array_equal(out[4][inner][:, 0], out[4][PAD:PAD + rows, PAD - 1])
+    np.testing.assert_array_equal(out[4][inner][:, -1], out[4][PAD:PAD + rows, PAD + columns])
+
+
+def colored_nodes():
+    """Return colors, light, map, variances and which are known, of a small grid."""
+    rng = np.random.default_rng(8)
+    light, variance = rng.random((3, 24, 32)).astype(F4), rng.uniform(1, 2, (24, 32)).astype(F4)
+    colors = (np.eye(3, 4) + rng.uniform(0, 0.1, (3, 4))).astype(F4)
+    known = rng.random((24, 32)) < 0.6
+    u, v = chromaticity(mixed(colors, light) * np.array(RED, F4)[:, None, None])
+    light[:, ~known] = np.nan
+    return (u, v, F4(1e-4) * variance, light, known, colors), rng
+
+
+def test_normal_equations_of_colors_are_those_of_their_rows():
+    rng = np.random.default_rng(3)
+    u, v = rng.uniform(-0.5, 0.5, (2, 40)).astype(F4)
+    light, weight = rng.random((3, 40)).astype(F4), rng.uniform(1, 2, 40)
+    colors, normal = np.eye(3, 4) + 0.1, np.empty((12, 12))
+    color_equations(u, v, light, weight, colors, 0.02, normal)
+    p = np.vstack([light, np.ones(40)]).astype(float)
+    size, root = np.sqrt(weight) / np.sum(colors @ p, axis=0), 3 ** 0.5
+    u, v = u.astype(float), v.astype(float)
+    rows = [np.vstack([each * p for each in three]) * size for three in (
+        (u - 2.0, u + 1.0, u + 1.0), (v, v - root, v + root))]
+    np.testing.assert_allclose(normal, sum(each @ each.T for each in rows), rtol=1e-9)
+
+
+def test_slopes_of_colors_are_differences_and_their_steps_solve_them():
+    (u, v, variance, light, known, colors), rng = colored_nodes()
+    change = rng.uniform(-0.3, 0.3, (3, 24, 32)).astype(F4)
+    sums, error = np.empty((9, 24, 32), F4), np.empty((24, 32), F4)
+    color_slopes(u, v, variance, light, known, colors, change, sums)
+    color_errors(u, v, variance, light, known, colors, change, error)
+
+    def predicted(changes, at):
+        r, g, b = colors[:, :3] @ light[(..., *at)].astype(float) + colors[:, 3]
+        r, b = r * np.exp(changes[0]), b * np.exp(changes[1])
+        return np.exp(changes[2]) * np.array([2 * r - g - b, 3 ** 0.5 * (g - b)]) / (r + g + b)
+
+    upper = np.triu_indices(3)
+    for at in np.ndindex(24, 32):
+        if not known[at]:
+            assert not sums[(..., *at)].any() and error[at] == 0
+            continue
+        here = change[(..., *at)].astype(float)
+        slopes = np.array([predicted(here + step, at) - predicted(here - step, at)
+                           for step in 1e-5 * np.eye(3)]) / 2e-5
+        apart = np.array([u[at], v[at]]) - predicted(here, at)
+        chi = apart @ apart / variance[at]
+        weight = 1 / variance[at] / (1 + chi / TUNING.color.robust_misfit)
+        expected = weight * np.append((slopes @ slopes.T)[upper], slopes @ apart)
+        np.testing.assert_allclose(sums[(..., *at)], expected, rtol=2e-3,
+                                   atol=1e-4 * np.abs(expected).max())
+        assert error[at] == pytest.approx(chi, rel=1e-3, abs=1e-3)
+    limits, before = np.array([[-0.4, 0.4], [-0.4, 0.4], [-0.2, 0.2]], F4), change.copy()
+    solve_changes(sums, F4(5), limits, change)
+    for at in np.ndindex(24, 32):
+        normal = np.zeros((3, 3))
+        normal[upper] = sums[:6][(..., *at)]
+        normal = normal + np.triu(normal, 1).T + 5 * np.eye(3)
+        step = np.linalg.solve(normal, sums[6:][(..., *at)])
+        np.testing.assert_allclose(change[(..., *at)], np.clip(
+            before[(..., *at)] + step, *limits.T), atol=1e-3)
+
+
+def test_the_color_of_a_surface_is_measured_where_places_are_known():
+    (u, v, variance, light, known, colors), _ = colored_nodes()
+    local, error = local_light(u, v, light, colors, variance, known)
+    assert np.median(local[0][known]) == pytest.approx(RED[0] / RED[1], rel=0.05)
+    assert np.median(local[1][known]) == pytest.approx(RED[2] / RED[1], rel=0.05)
+    assert np.median(error[known]) < 1
 
 
 def test_the_evidence_of_a_plane_is_what_its_neighbors_say():
@@ -398,7 +546,8 @@ def test_places_of_nodes_are_those_of_the_sweep():
 def test_nothing_compiles_after_a_projector_is_taken():
     rig = ColorStereo(CALIBRATION, settings())
     rig.use_projector(projector())
-    kernels = (gather_evidence, weigh_forms, claim_places, find_contested, linearize_sweep,
+    kernels = (color_equations, color_errors, color_slopes, solve_changes, decide, sort_nodes,
+               gather_evidence, weigh_forms, claim_places, find_contested, linearize_sweep,
                paths_along_columns, sweep_costs, paths_along_rows, places_of_nodes, sum_windows,
                sweep_misfits, take_better, cheapest_disparities)
     before = [len(kernel.signatures) for kernel in kernels]

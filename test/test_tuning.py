@@ -61,7 +61,9 @@ GLOBALS = {
     'NEIGHBORS',          # the four of them
     'WARM',               # the size of a pattern that nobody sees
     '(RIGHT_CAMERA, PROJECTOR)',  # bits of `views`
-    '(AGREE, FIRM, APART)',  # codes of nodes
+    '(NOTHING, AGREE, FIRM, APART)',  # codes of nodes
+    'PATHS',              # what is needed of a coarse node
+    'age',                # a count that begins at 0
     'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
 SOURCES = [path for room in ('surface', 'surface/third', 'paper', 'rows', 'projector')

@@ -133,7 +133,7 @@ def shown(value):
     """Return a value as the table of constants shows it."""
     if isinstance(value, float):
         return f'{value:.6g}'
-    if isinstance(value, tuple) and isinstance(value[0], tuple) and len(value) > 2:
+    if isinstance(value, tuple) and len(value) > 2 and isinstance(value[0], tuple):
         return f'{len(value)} x {len(value[0])} numbers'
     if isinstance(value, tuple):
         return f'({", ".join(map(shown, value))})'

@@ -190,7 +190,7 @@ class ColorStereo:
         searched = partial(self._searched, left, right) if self._search_at_once else None
         given = None if not self.may_use_projector else Given(
             self._projector if projector is None else projector, image, self._tracker,
-            self._search_at_once)
+            self._search_at_once, partial(self._rectifier.left_patches, left))
         found = self._method.measure(
             left, right, clock, self._alignment if alignment is None else alignment, searched,
             given)

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..core import ColorStereo, PatternSettings, Settings
 from ..core.projector.model import COUNT, ProjectorModel
+from . import third_time
 from .metrics import RIGHT, words
 from .stress.disturbances import DISTURBANCES
 from .stress.light import LightScenes, MAIN, SCENES
@@ -167,9 +168,14 @@ def main(argv=None):
     parser.add_argument('--disturbance', default='none=1', metavar='NAME=LEVEL',
                         help='of color_stereo evaluate --stress (default %(default)s)')
     parser.add_argument('--true', action='store_true', help='the exact projector of the simulator')
+    parser.add_argument('--time', action='store_true',
+                        help='only the time of pairs with and without the third view, in turn')
     args = parser.parse_args(argv)
     name, _, level = args.disturbance.partition('=')
     light, everything = LightScenes(args.light), {}
+    if args.time:
+        third_time.table(light, args.scenes, DISTURBANCES[name].rig(float(level or 1)))
+        return 0
     print(f'{"":28}' + ''.join(f'{name:>14}' for name, _, _ in COLUMNS))
     for scene in args.scenes:
         rows, sentence = compared(light.scene(scene), (name, float(level or 1)), args.true)

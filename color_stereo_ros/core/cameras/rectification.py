@@ -72,6 +72,35 @@ class Rectifier:
         """Return a checked raw left image, uint8 (H, W, 3), rectified."""
         return self._resampled(image, 0)
 
+    def left_patches(self, image, pixels, half):
+        """
+        Return patches of the rectified left image, without making all of it.
+
+        Parameters
+        ----------
+        image : numpy.ndarray, uint8, shape (H, W, 3)
+            Checked raw image.
+        pixels : numpy.ndarray, int, shape (N, 2)
+            Column and row of the centers, at least half from the border.
+        half : int
+            Half width of the patches, px.
+
+        Returns
+        -------
+        patches : numpy.ndarray, uint8, shape (N (2 half + 1), 2 half + 1, 3)
+            One below the other.
+
+        """
+        around = np.arange(-half, half + 1)
+        rows = pixels[:, 1, None, None] + around[:, None]
+        columns = pixels[:, 0, None, None] + around
+        shape = rows.shape[0] * around.size, around.size
+        if self.rectified_input:
+            return image[rows, columns].reshape(*shape, 3)
+        first, second = (each[rows, columns] for each in self._maps[0])
+        return cv2.remap(image, first.reshape(*shape, 2), second.reshape(shape),
+                         cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+
     def checked(self, left, right):
         """Return both images as contiguous RGB arrays, or raise ImageError; gray has no color."""
         pair = (checked_image('left', left, self.geometry),

@@ -13,6 +13,7 @@ SIDE = 2 * HALF + 1
 COUNT = SIDE * SIDE
 DARK = F4(TUNING.patches.dark)
 SINGULAR = TUNING.patches.singular
+SETTLED = TUNING.patches.settled
 VALUES = 8  # of the image and of the pattern: two colors each; four derivatives of the pattern
 stack_patch = stack_array(F4, VALUES, COUNT)
 stack_sums = stack_array(np.float64, 16)
@@ -142,9 +143,11 @@ def place_patches(image, pattern, pixels, places, affines, rounds, farthest, res
     pattern; affines float64 (N, 2, 2), pattern px per px of the image.
 
     Each chromaticity of the patch is a mix of both of the pattern, which is fitted anew in every
-    round. result, float64 (N, 4): column and row, px of the pattern; standard deviation of
-    either, px; share of the variance of the colors that the pattern explains. NaN where the patch
-    leaves the pattern, moves by more than `farthest` px, or has no structure.
+    round; the last round is the one whose step is below SETTLED.
+
+    result, float64 (N, 4): column and row, px of the pattern; standard deviation of either, px;
+    share of the variance of the colors that the pattern explains. NaN where the patch leaves the
+    pattern, moves by more than `farthest` px, or has no structure.
 
     Serial: a search runs in a thread of its own, beside the parallel kernels of a method, and
     numba does not allow two of these at once.
@@ -169,10 +172,12 @@ def place_patches(image, pattern, pixels, places, affines, rounds, farthest, res
             good = determinant > SINGULAR * sums[4] * sums[6]
             if not good or turn == rounds:
                 break
-            u += (sums[6] * sums[7] - sums[5] * sums[8]) / determinant
-            v += (sums[4] * sums[8] - sums[5] * sums[7]) / determinant
+            step_u = (sums[6] * sums[7] - sums[5] * sums[8]) / determinant
+            step_v = (sums[4] * sums[8] - sums[5] * sums[7]) / determinant
+            u += step_u
+            v += step_v
             good = abs(u - places[n, 0]) < farthest and abs(v - places[n, 1]) < farthest
-            if not good:
+            if not good or abs(step_u) + abs(step_v) < SETTLED:
                 break
         if good:
             variance = sums[9] / freedom * (sums[4] + sums[6]) / (2 * determinant)

@@ -7,8 +7,10 @@ import cv2
 import numpy as np
 
 from .adjustment import Evidence
-from .patch_kernels import HALF, place_patches
+from .patch_kernels import HALF, place_patches, SIDE
 from .tuning import TUNING
+
+REACH = HALF - 1  # of the neighbors that tell how smooth a surface is, px
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,7 @@ class Measured:
     """What the two views measured of a pair, as a ColorStereo gives it."""
 
     image: np.ndarray
-    """uint8 (H, W, 3), RGB, rectified left."""
+    """uint8 (H, W, 3), RGB, rectified left; None: patches are cut instead."""
     depth: np.ndarray
     """float32 (H, W), m, NaN = unknown."""
     disparity_std: np.ndarray
@@ -47,6 +49,16 @@ class Measured:
     """float32 (H, W), 0..1."""
     geometry: object
     """RectifiedGeometry."""
+    cut: object = None
+    """Called with pixels and half a width, returns patches as `Rectifier.left_patches` does."""
+
+    def patches(self, pixels):
+        """Return an image that shows patches around pixels, and where in it, int32 (N, 2)."""
+        if self.cut is None or not len(pixels):
+            return self.image, pixels
+        centers = np.full_like(pixels, HALF)
+        centers[:, 1] += SIDE * np.arange(len(pixels), dtype=pixels.dtype)
+        return self.cut(pixels, HALF), centers
 
     @classmethod
     def of(cls, result):
@@ -129,6 +141,17 @@ class Measured:
                                 (pixels[:, 1] - g.center_y) / g.focal_y, np.ones(len(pixels))])
 
 
+def site_rows(height, step):
+    """Return the rows of pixels of an image of a height from which `sites` chooses, int64 (N,)."""
+    return np.arange(HALF + step // 2, height - HALF, step)
+
+
+def lines_around(height, step):
+    """Return the rows of pixels whose measurement `sites` reads, int64 (N,), ascending."""
+    rows = site_rows(height, step)[:, None] + np.array([-REACH, 0, REACH])
+    return np.unique(rows)
+
+
 def sites(measured, step):
     """
     Choose pixels on surfaces that are smooth over a patch, spread over the image.
@@ -145,10 +168,10 @@ def sites(measured, step):
 
     """
     height, width = measured.depth.shape
-    rows = np.arange(HALF + step // 2, height - HALF, step)
+    rows = site_rows(height, step)
     columns = np.arange(HALF + step // 2, width - HALF, step)
     y, x = (each.ravel() for each in np.meshgrid(rows, columns, indexing='ij'))
-    reach = HALF - 1
+    reach = REACH
     inverse = [1.0 / measured.depth[y + dy, x + dx].astype(np.float64)
                for dy, dx in ((0, 0), (0, -reach), (0, reach), (-reach, 0), (reach, 0))]
     here, before, after, above, below = inverse
@@ -257,7 +280,8 @@ def placed(model, measured, colors, places, rounds=None):
     margin = HALF * np.abs(shape).sum(axis=2)
     last = np.array(model.size) - 1
     expected = ((start > margin) & (start < last - margin)).all(axis=1)
-    place_patches(_read_only(measured.image), _read_only(colors), places.pixels,
+    image, pixels = measured.patches(places.pixels)
+    place_patches(_read_only(image), _read_only(colors), pixels,
                   np.ascontiguousarray(start), np.ascontiguousarray(shape),
                   rounds or tuning.rounds, tuning.farthest, result)
     explained = np.nan_to_num(result[:, 3])

@@ -10,7 +10,7 @@ from .adjustment import (
     to_unknowns)
 from .finding import Reason
 from .model import COUNT, ProjectorModel
-from .patches import chromatic, placed, sites
+from .patches import chromatic, lines_around, placed, sites
 from .tuning import TUNING
 
 UNEXPLAINED = ', but the colors of the pattern do not explain the image: two views measure'
@@ -30,6 +30,8 @@ class Track:
     """Share of the patches of the last pair that were found near their predicted places."""
     usual: float = float('nan')
     """What this share is in pairs that agree: shadows and a cropped pattern lower it."""
+    age: int = 0
+    """Pairs since the model was brought up to date."""
     shift: float = float('nan')
     """Median distance of these patches from their predicted places, px of the pattern."""
     reason: Reason | None = None
@@ -88,6 +90,8 @@ class Given:
     """Called without arguments, returns the ProjectorTracker; the first call takes a moment."""
     search: bool = False
     """Search within the pair; False: the caller searches beside the pairs."""
+    cut: object = None
+    """Cuts patches of the rectified left image, see `Measured.cut`; None: the image is made."""
 
     def pattern(self):
         """Return what the projector shows, uint8 (H', W', 3)."""
@@ -115,6 +119,9 @@ class ProjectorTracker:
         """
         Compare a pair with the geometry; takes about two milliseconds.
 
+        The model is brought up to date at some pairs only: at those whose patches have moved, and
+        at every so manyth.
+
         Parameters
         ----------
         track : Track
@@ -134,8 +141,16 @@ class ProjectorTracker:
         where = where.every(len(where) // tuning.most_sites + 1)
         if len(where) < tuning.least_patches:
             return missed(track)
-        evidence, share, _ = placed(track.model, measured, self._colors(track.smoothing), where,
-                                    tuning.rounds)
+        colors, age = self._colors(track.smoothing), track.age + 1
+        few = where.every(max(len(where) // tuning.watched, 1))
+        if age < tuning.refresh and len(few) >= tuning.least_patches:
+            evidence, share, _ = placed(track.model, measured, colors, few, tuning.rounds)
+            usual = track.usual if np.isfinite(track.usual) else share
+            if len(evidence) >= tuning.least_patches and share >= tuning.least_share * usual:
+                shift = apart_from(track.model, evidence)
+                if shift < tuning.restless * track.model.residual:
+                    return self._agreeing(track, track.model, share, shift, age)
+        evidence, share, _ = placed(track.model, measured, colors, where, tuning.rounds)
         usual = track.usual if np.isfinite(track.usual) else share
         if len(evidence) < tuning.least_patches or share < tuning.least_share * usual:
             return missed(track.but(share=share))
@@ -143,10 +158,21 @@ class ProjectorTracker:
         if shift > max(tuning.bump, 2 * track.model.residual):
             model = again(track.model, evidence)
         else:
-            model = updated(track.model, evidence)
-        usual += tuning.learning * (share - usual)
-        return track.but(model=model, agreeing=True, share=share, usual=usual, shift=shift,
-                         wait=0, tries=0)
+            model = updated(track.model, evidence, age)
+        return self._agreeing(track, model, share, shift, 0)
+
+    @staticmethod
+    def _agreeing(track, model, share, shift, age):
+        """Return the track after a pair that agrees."""
+        usual = track.usual if np.isfinite(track.usual) else share
+        usual += TUNING.track.learning * (share - usual)
+        return track.but(model=model, age=age, agreeing=True, share=share, usual=usual,
+                         shift=shift, wait=0, tries=0)
+
+    @staticmethod
+    def lines(height):
+        """Return the rows of pixels whose measurement `follow` reads, int64 (N,), ascending."""
+        return lines_around(height, TUNING.track.spacing)
 
     def search(self, track, measured, inside=None):
         """
@@ -243,9 +269,9 @@ def again(model, evidence):
                      color_quality=model.color_quality)
 
 
-def updated(model, evidence):
+def updated(model, evidence, pairs=1):
     """
-    Return a model after the evidence of one more pair.
+    Return a model after the evidence of one more pair; pairs: since the last evidence.
 
     Covariance intersection: with weight w of what was known, 1 - w of the evidence,
 
@@ -263,7 +289,7 @@ def updated(model, evidence):
     pair = normal[:COUNT, :COUNT] - mixed @ gain[:, :COUNT]
     right = moment[:COUNT] - mixed @ gain[:, COUNT]
     depth = float(np.median(evidence.points[:, 2]))
-    known = np.linalg.inv(drifted(to_unknowns(model), depth))
+    known = np.linalg.inv(drifted(to_unknowns(model), depth, pairs))
     choices = [weight * known + (1 - weight) * pair for weight in TUNING.track.weights]
     best = int(np.argmax([np.linalg.slogdet(each)[1] for each in choices]))
     covariance = np.linalg.inv(choices[best])
@@ -281,7 +307,7 @@ def aged(track, depth):
     return track.but(model=track.model.but(covariance=convert @ spread @ convert.T))
 
 
-def drifted(covariance, depth):
-    """Return the covariance of unknowns after one more pair."""
+def drifted(covariance, depth, pairs=1):
+    """Return the covariance of unknowns after some more pairs."""
     drift = TUNING.track.drift
-    return covariance + np.diag(np.square([drift] * 9 + [drift * depth] * 3))
+    return covariance + pairs ** 2 * np.diag(np.square([drift] * 9 + [drift * depth] * 3))

@@ -170,6 +170,9 @@ class PatchTuning(Constants):
     singular: float = constant(
         1e-4, '1', 'Share of the product of its diagonal from which the determinant of a 2 x 2 '
         'matrix is 0.', derived('Stripes have one direction.'), compiled=True)
+    settled: float = constant(
+        0.02, 'px', 'Step of a patch from which its place is taken, px of the pattern.',
+        derived('A tenth of its error; the next step is much smaller.'), compiled=True)
     least_blur: float = constant(
         0.3, 'px', 'Least blur of the pattern.', derived('Less changes nothing.'))
     bend: float = constant(
@@ -293,6 +296,9 @@ class TrackTuning(Constants):
         22, 'px', 'Distance of the patches.', chosen('Some 200 patches at 640 x 480.'))
     most_sites: int = constant(
         150, '1', 'Largest number of patches, about.', derived('Bounds the time to 2 ms.'))
+    watched: int = constant(
+        60, '1', 'Patches that decide whether all are needed, about.',
+        derived('Their median is known to a tenth of the error of one.'))
     rounds: int = constant(
         3, '1', 'Steps of a patch.', chosen('They begin near their places.'))
     least_patches: int = constant(
@@ -302,6 +308,14 @@ class TrackTuning(Constants):
         chosen('.9 to 1 at rest, .0 to .4 after a jump.'))
     learning: float = constant(
         0.1, '1', 'Weight of a pair in what is usual.', unexplained('Ten pairs.'))
+    refresh: int = constant(
+        8, 'pairs', 'Pairs after which the model is brought up to date.',
+        derived('A warm projector moves by .02 px of the pattern per pair; .2 px is the error of '
+                'a patch.'))
+    restless: float = constant(
+        1.5, '1', 'Median distance of the patches from their predictions from which the model is '
+        'brought up to date at once, residuals.',
+        derived('At rest the median of 60 patches changes by a tenth: five deviations.'))
     bump: float = constant(
         0.5, 'px', 'Median distance of the patches from their predictions, px of the pattern, '
         'from which the pose is forgotten.', chosen('.05 to .2 at rest beyond the noise.'))

@@ -30,6 +30,7 @@ what it changes in place. `grid_kernels` explains the half grid.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -184,15 +185,14 @@ class SurfaceMethod:
         if same:  # at disparity 0 there is nothing to measure
             np.minimum(verdict.log_odds, F4(0), out=verdict.log_odds)
         clock.lap('judge', verdict)
-        measurement = measured_pixels(planes, verdict, self.geometry, self.limits,
-                                      self.trust.least_odds)
+        if self.follower is None or given is None:
+            measurement = self.of_two(verdict)
+        elif same or self.brightness.active:
+            track = self.follower.passed(given, None if same else Reason.PLAIN)
+            measurement = replace(self.of_two(verdict), projector=track)
+        else:
+            measurement = self.with_third_view(verdict, pair, given, clock)
         clock.lap('expand', measurement)
-        if self.follower is not None and given is not None:
-            if same or self.brightness.active:
-                track = self.follower.passed(given, None if same else Reason.PLAIN)
-                measurement = replace(measurement, projector=track)
-            else:
-                measurement = self.with_third_view(measurement, verdict, pair, given, clock)
         return replace(measurement, alignment=alignment, rival_share=self.rival_share)
 
     @property
@@ -202,14 +202,17 @@ class SurfaceMethod:
         return (matching.third_view != 'off' and self.expectation.aperiodic
                 and matching.refinements > 0)
 
-    def with_third_view(self, two, verdict, pair, given, clock):
+    def of_two(self, verdict, lines=None):
+        """Return what two cameras measure; lines: the rows of pixels, int64 (N,), None = all."""
+        return measured_pixels(self.planes, verdict, self.geometry, self.limits,
+                               self.trust.least_odds, lines=lines)
+
+    def with_third_view(self, verdict, pair, given, clock):
         """
         Return what two cameras and projector measure; two where the projector takes no part.
 
         Parameters
         ----------
-        two : Measurement
-            Of the two cameras.
         verdict : Verdict
             Of the two cameras; stays as it is.
         pair : PairModel
@@ -221,18 +224,15 @@ class SurfaceMethod:
         measurement : Measurement
 
         """
-        track = self.follower.followed(given, two)
+        track = self.follower.followed(given, partial(self.of_two, verdict))
         clock.lap('projector', track)
-        if not track.usable:
-            return replace(two, projector=track)
-        self.third.adopt(track.model, track.prepared, given.pattern)
-        fused = self.third.fused(self.planes, verdict, self.least_squares.linearized, pair)
-        clock.lap('third view', fused)
-        track = track.but(explains=fused is not None)
-        if fused is None:
-            return replace(two, projector=track)
-        measurement = self.expanded(fused)
-        clock.lap('expand', measurement)
+        fused = None
+        if track.usable:
+            self.third.adopt(track.model, track.prepared, given.pattern)
+            fused = self.third.fused(self.planes, verdict, self.least_squares.linearized, pair)
+            clock.lap('third view', fused)
+            track = track.but(explains=fused is not None)
+        measurement = self.of_two(verdict) if fused is None else self.expanded(fused)
         return replace(measurement, projector=track)
 
     def measure_left(self, left, clock, given):

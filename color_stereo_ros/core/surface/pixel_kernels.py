@@ -38,10 +38,10 @@ def bounded(odds):
 
 
 @banded(fastmath=FAST)
-def expand(k, d, a, b, std, odds, reason, beyond, rows, columns, limits, focal_baseline,
+def expand(k, d, a, b, std, odds, reason, beyond, rows, columns, lines, limits, focal_baseline,
            offset, least_odds, disparity, depth, out_std, out_confidence, out_status):
     """
-    Evaluate the planes of the nodes at every pixel, decide which count, and triangulate.
+    Evaluate the planes of the nodes at some lines of pixels, decide which count, and triangulate.
 
     Z = focal_baseline / (d - offset). Log-odds of a pixel: OWN_SHARE of its node's, the rest
     bilinear between the nodes around, so that a pixel next to doubtful nodes is doubted more than
@@ -52,15 +52,16 @@ def expand(k, d, a, b, std, odds, reason, beyond, rows, columns, limits, focal_b
     out_std are NaN and confidence is 0.
 
     """
-    height, width = disparity.shape
+    width = disparity.shape[1]
     lowest, highest = limits[0], limits[1]
     last_place = F4(width - 1)
     near, far = F4(0.75), F4(0.25)
-    first, last = band(k, height)
+    first, last = band(k, lines.size)
     mixed = stack_row()
     even = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
     odd = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
-    for v in range(first, last):
+    for line in range(first, last):
+        v = lines[line]
         row = min(v >> 1, rows - 1)
         below = v > 2 * row
         y, other = row + PAD, min(max(row + (1 if below else -1), 0), rows - 1) + PAD

@@ -8,7 +8,7 @@ from .grid_kernels import F4
 from .pixel_kernels import expand
 
 
-def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None):
+def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None, lines=None):
     """
     Return the measurement at every pixel.
 
@@ -23,6 +23,8 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None):
         Pixels with lower log-odds of being right get no range.
     beyond : numpy.ndarray, bool, framed, optional
         Nodes whose place may lie outside the right image; default: none.
+    lines : numpy.ndarray, int64, shape (N,), optional
+        Rows of pixels that are asked for: all others hold anything. Default: all.
 
     Returns
     -------
@@ -35,8 +37,10 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None):
     rows, columns = planes.grid.nodes
     if beyond is None:
         beyond = np.zeros(planes.grid.shape, bool)
+    if lines is None:
+        lines = np.arange(geometry.height)
     expand(planes.d, planes.a, planes.b, verdict.std, verdict.log_odds, verdict.reason, beyond,
-           rows, columns, limits, F4(geometry.focal_baseline), F4(geometry.principal_offset),
-           least_odds, disparity, depth, std, confidence, status)
+           rows, columns, lines, limits, F4(geometry.focal_baseline),
+           F4(geometry.principal_offset), least_odds, disparity, depth, std, confidence, status)
     return Measurement(disparity=disparity, disparity_std=std, confidence=confidence,
                        status=status, depth=depth)

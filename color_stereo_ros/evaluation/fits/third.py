@@ -9,7 +9,8 @@ import numpy as np
 from ...core import ColorStereo, make_pattern, Settings
 from ...core.projector.finding import ProjectorFinder
 from ...core.projector.patches import Measured
-from ...core.surface.third.fusion import AGREE, APART, FIRM, MODEL_NAMES
+from ...core.surface.third.fusion import MODEL_NAMES
+from ...core.surface.third.fusion_kernels import AGREE, APART, FIRM
 from ...core.surface.third.tuning import TUNING
 from .pairs import Pair, simulated
 from .regression import equal_shares, logistic_fit

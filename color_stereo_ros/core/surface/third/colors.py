@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .color_kernels import color_equations, color_errors, color_slopes, solve_changes
 from .tuning import TUNING
 
 F4 = np.float32
@@ -63,20 +64,15 @@ def fitted_colors(u, v, light, weight):
 
     """
     tuning = TUNING.color
-    p = np.vstack([light, np.ones(light.shape[1])]).astype(np.float64)
-    prior = np.eye(3, 4)
+    prior, normal = np.eye(3, 4), np.empty((12, 12))
     colors, trust = prior, weight
     for _ in range(tuning.turns):
-        total = np.maximum(np.sum(mixed(colors, p[:3]), axis=0), tuning.least_total)
-        size = np.sqrt(trust) / total
-        rows_u = np.vstack([(u - 2) * p, (u + 1) * p, (u + 1) * p]) * size
-        rows_v = np.vstack([v * p, (v - ROOT3) * p, (v + ROOT3) * p]) * size
-        normal = rows_u @ rows_u.T + rows_v @ rows_v.T
+        color_equations(u, v, light, trust, colors, tuning.least_total, normal)
         hold = tuning.color_prior * np.trace(normal) / 12
         solved = np.linalg.solve(normal + hold * np.eye(12), hold * prior.ravel())
         colors = solved.reshape(3, 4)
         colors = colors * (3 / max(np.trace(colors[:, :3]), tuning.least_total))
-        seen_u, seen_v = chromaticity(mixed(colors, p[:3]))
+        seen_u, seen_v = chromaticity(mixed(colors, light))
         error = (u - seen_u) ** 2 + (v - seen_v) ** 2
         trust = weight / (1 + error / max(np.median(error) * tuning.robust, tuning.least_error))
     return colors.astype(F4)
@@ -115,52 +111,34 @@ def local_light(u, v, light, colors, variance, known):
 
     """
     tuning = TUNING.color
-    seen = mixed(colors, np.where(known, light, 1).astype(F4))
-    r, g, b = seen
-    change = np.zeros((3, *u.shape), F4)
-    for radius, hold in zip(tuning.radii, tuning.holds):
-        red, blue = np.exp(change[0]) * r, np.exp(change[1]) * b
-        total = red + g + blue
-        own_u, own_v = (2 * red - g - blue) / total, ROOT3 * (g - blue) / total
-        gray = np.exp(change[2])
-        own_u, own_v = gray * own_u, gray * own_v
-        error_u, error_v = u - own_u, v - own_v
-        chi = (error_u ** 2 + error_v ** 2) / variance
-        weight = np.where(known, 1 / (variance * (1 + chi / F4(tuning.robust_misfit))), 0)
-        by_red = gray * red * (2 - own_u / gray) / total, -own_v * red / total
-        by_blue = -gray * blue * (1 + own_u / gray) / total, -gray * blue * (
-            ROOT3 + own_v / gray) / total
-        change = change + solved_changes((by_red, by_blue, (own_u, own_v)), (error_u, error_v),
-                                         weight.astype(F4), radius, F4(hold))
-        change = np.clip(change, *(np.array(each, F4)[:, None, None] for each in zip(
-            *tuning.change_limits)))
-    local = np.exp(change)
-    red, blue = local[0] * r, local[1] * b
-    total = red + g + blue
-    error_u = u - local[2] * (2 * red - g - blue) / total
-    error_v = v - local[2] * ROOT3 * (g - blue) / total
-    return local, np.where(known, (error_u ** 2 + error_v ** 2) / variance, 0).astype(F4)
+    change, error = np.zeros((3, *u.shape), F4), np.empty(u.shape, F4)
+    sums, limits = np.empty((9, *u.shape), F4), np.array(tuning.change_limits, F4)
+    for radius, hold, thin in zip(tuning.radii, tuning.holds, tuning.thinnings):
+        color_slopes(u, v, variance, light, known, colors, change, sums)
+        size = tuple(max(1, count // thin) for count in reversed(u.shape))
+        windows = np.stack([averaged(plane, size, radius // thin) for plane in sums])
+        step = np.stack([resized(plane, size) for plane in change])
+        solve_changes(windows, F4(hold), limits, step)
+        change = np.stack([resized(plane, u.shape[::-1]) for plane in step])
+    color_errors(u, v, variance, light, known, colors, change, error)
+    return np.exp(change), error
 
 
-def solved_changes(slopes, errors, weight, radius, hold):
-    """Return the changes, float32 (3, h, w), that windows of a radius ask for."""
-    size = (2 * radius + 1,) * 2
+def resized(plane, size):
+    """Return a smooth plane on a grid of another size (columns, rows)."""
+    return plane if plane.shape[::-1] == size else cv2.resize(plane, size,
+                                                              interpolation=cv2.INTER_LINEAR)
 
-    def window(plane):
-        return cv2.blur(plane, size, borderType=cv2.BORDER_CONSTANT)
 
-    n = {}
-    for i in range(3):
-        for j in range(i, 3):
-            n[i, j] = window(weight * (slopes[i][0] * slopes[j][0] + slopes[i][1] * slopes[j][1]))
-        n[i, i] = n[i, i] + hold
-        n[i, 3] = window(weight * (slopes[i][0] * errors[0] + slopes[i][1] * errors[1]))
-    # Cramer's rule for the symmetric 3 x 3 system
-    a, b, c, d, e, f = n[0, 0], n[0, 1], n[0, 2], n[1, 1], n[1, 2], n[2, 2]
-    i00, i01, i02 = d * f - e * e, c * e - b * f, b * e - c * d
-    i11, i12, i22 = a * f - c * c, b * c - a * e, a * d - b * b
-    inverse = 1 / (a * i00 + b * i01 + c * i02)
-    x, y, z = n[0, 3], n[1, 3], n[2, 3]
-    return np.stack([(i00 * x + i01 * y + i02 * z) * inverse,
-                     (i01 * x + i11 * y + i12 * z) * inverse,
-                     (i02 * x + i12 * y + i22 * z) * inverse])
+def averaged(plane, size, radius):
+    """Return means over windows of a radius, on a thinner grid of a size (columns, rows)."""
+    if plane.shape[::-1] != size:
+        plane = cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
+    return cv2.blur(plane, (2 * radius + 1,) * 2, borderType=cv2.BORDER_CONSTANT)
+
+
+def warm(shape):
+    """Run the kernels once on a grid of a shape."""
+    plane, light = np.ones(shape, F4), np.ones((3, *shape), F4)
+    local_light(plane, plane, light, np.eye(3, 4, dtype=F4), plane, np.zeros(shape, bool))
+    fitted_colors(*np.ones((2, 8), F4), light.reshape(3, -1)[:, :1].repeat(8, axis=1), np.ones(8))

@@ -44,8 +44,8 @@ class Follower:
         Parameters
         ----------
         given : Given
-        two : Measurement
-            Of the two cameras.
+        two : callable
+            Returns the Measurement of the two cameras, at some rows of pixels or at all.
 
         Returns
         -------
@@ -57,24 +57,26 @@ class Follower:
         if not track.held:
             if track.model is None and not (track.due and given.search):
                 return missed(track)
-            measured = self.measured(two, given.image())
             tracker = given.tracker()
-            track = tracker.follow(track, measured)
+            if track.model is not None:
+                few = two(tracker.lines(self.geometry.height))
+                image = given.image() if given.cut is None else None
+                track = tracker.follow(track, self.measured(few, image, given.cut))
             if track.due and given.search:
-                track = tracker.search(track, measured)
+                track = tracker.search(track, self.measured(two(), given.image()))
         return self.prepared(track)
 
     def prepared(self, track):
         """Return the track with the model for which the pattern is straightened and blurred."""
-        if not track.usable:
+        if not track.usable or (track.age and track.prepared is not None):  # age: the same model
             return track
         return track.but(prepared=prepared_for(track.model, track.prepared, self.geometry,
                                                self.limits))
 
-    def measured(self, measurement, image):
+    def measured(self, measurement, image, cut=None):
         """Return what is known of the pixels as the search takes it."""
         return Measured(image, measurement.depth, measurement.disparity_std,
-                        measurement.confidence, self.geometry)
+                        measurement.confidence, self.geometry, cut)
 
     def alone(self, given, track, measurement):
         """

@@ -3,23 +3,21 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from ..grid_kernels import F4, PAD
 from ..trust import Verdict
-from ..tuning import TUNING as SURFACE
+from ..trust_kernels import HOPELESS_ODDS as HOPELESS
 from ...status import Status
-from .fusion_kernels import gather_evidence, weigh_forms
+from .fusion_kernels import decide, gather_evidence, PROJECTOR, sort_nodes, weigh_forms
 from .sweep_kernels import claim_places, find_contested, places_of_nodes
 from .tuning import TUNING
-
-RIGHT_CAMERA, PROJECTOR = 1, 2
-HOPELESS = F4(SURFACE.trust.hopeless_odds)
 
 
 @dataclass(frozen=True, eq=False)
 class Fused:
-    """What is held of every node after the third view has spoken; framed arrays."""
+    """What is held of every node after the third view has spoken; framed, kept for one pair."""
 
     planes: object
     """FusedPlanes."""
@@ -33,9 +31,12 @@ class Fused:
         """Return `Measurement.views` at the pixels of a status image."""
         height, width = status.shape
         nodes = self.views[self.planes.grid.inner]
-        rows = np.minimum(np.arange(height) // 2, nodes.shape[0] - 1)
-        columns = np.minimum(np.arange(width) // 2, nodes.shape[1] - 1)
-        return np.where(status == Status.VALID, nodes[rows][:, columns], np.uint8(0))
+        pixels = cv2.resize(nodes, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+        rows, columns = pixels.shape
+        if (rows, columns) != (height, width):  # the last pixels have no node of their own
+            pixels = cv2.copyMakeBorder(pixels, 0, height - rows, 0, width - columns,
+                                        cv2.BORDER_REPLICATE)
+        return np.multiply(pixels, status == Status.VALID, out=pixels)
 
 
 class FusedPlanes:
@@ -56,7 +57,6 @@ MODEL_NAMES = 'form', 'agree', 'two_apart', 'third_apart', 'firm'
 EVIDENCE = ('two', 'third', 'witness', 'contested_two', 'contested_third', 'dim', 'nearer',
             'farther')
 OWN_EVIDENCE = 'cost', 'misfit', 'sigma', 'apart'
-AGREE, FIRM, APART = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,23 +104,24 @@ class Fusion:
         self.doubts = np.array([0, *TUNING.use.doubts], F4)  # by kind
         self.own = np.zeros((len(OWN_EVIDENCE), *grid.nodes), F4)
         self.evidence = np.zeros((len(EVIDENCE), *grid.nodes), F4)
+        self.odds, self.third_odds = np.zeros((2, *grid.nodes), F4)
+        self.kind, self.only_third = np.zeros((2, *grid.nodes), np.uint8)
+        self.possible = np.zeros(grid.nodes, bool)
+        self.fused = Fused(FusedPlanes(grid, *np.full((3, *grid.shape), np.nan, F4)),
+                           Verdict(*np.zeros((2, *grid.shape), F4),
+                                   np.zeros(grid.shape, np.uint8)),
+                           np.zeros(grid.shape, np.uint8), np.zeros(grid.shape, bool))
 
     def inputs(self, found, verdict, planes):
         """Return the Inputs of a pair; see `fuse`."""
-        use, inner, evidence = TUNING.use, self.grid.inner, self.evidence
-        low, high = (F4(each) for each in use.odds_limits)
+        inner, evidence = self.grid.inner, self.evidence
         treated = found.treated[inner] & known_planes(found.planes)
         evidence[1] = self.own_odds(found.planes, found.around, treated)
-        np.clip(verdict.log_odds[inner], low, high, out=evidence[0])
-        evidence[2] = np.sqrt(np.fmin(found.witness[inner], F4(use.misfit_cap)))
+        sort_nodes(planes.d, found.planes.d, verdict.log_odds, found.witness, found.firm, treated,
+                   evidence, self.kind, self.only_third, self.possible)
         self.write_contested(found, planes)
         evidence[5] = found.dim
-        possible = verdict.log_odds[inner] > HOPELESS / 2
-        kind = np.where(treated | possible, np.uint8(APART), np.uint8(0))
-        apart = np.abs(found.planes.d[inner] - planes.d[inner])
-        kind[treated & (apart < F4(use.agreement))] = AGREE
-        kind[found.firm[inner]] = FIRM
-        return Inputs(self.own, evidence, treated, kind, possible)
+        return Inputs(self.own, evidence, treated, self.kind, self.possible)
 
     def own_odds(self, planes, around, treated):
         """Return the log-odds of planes of the third view alone, float32 (rows, columns)."""
@@ -195,38 +196,15 @@ class Fusion:
         fused : Fused
 
         """
-        given, kept = self.inputs(found, verdict, planes), F4(TUNING.use.kept_odds)
-        odds = verdict.log_odds[self.grid.inner].copy()
-        weigh_forms(given.evidence, given.kind, self.two_forms, odds)
-        apart = given.kind == APART
-        odds[apart & ~given.possible] = HOPELESS
-        third = np.full(odds.shape, HOPELESS, F4)
-        weigh_forms(given.evidence, (apart & given.treated).view(np.uint8), self.third_form,
-                    third)
-        takes_third = (third > odds) | ((given.kind == AGREE) & (given.evidence[0] < kept))
-        np.maximum(odds, third, out=odds)
-        doubts = self.doubts[given.kind]
-        doubts[apart & ~given.possible] = 0  # nothing of two cameras was there to be lost
-        odds -= doubts
-        return self.assembled(found, verdict, planes, takes_third,
-                              (given.kind == AGREE) | (given.kind == FIRM), odds)
-
-    def assembled(self, found, verdict, planes, takes_third, agree, odds):
-        """Return the Fused of the nodes that take the third plane, and of all log-odds."""
-        inner, grid, use = self.grid.inner, self.grid, TUNING.use
-        everywhere = np.zeros(grid.shape, bool)
-        everywhere[inner] = takes_third
-        d, a, b = (np.where(everywhere, third, two) for third, two in zip(
-            (found.planes.d, found.planes.a, found.planes.b), (planes.d, planes.a, planes.b)))
-        std, log_odds, reason = (each.copy() for each in (
-            verdict.std, verdict.log_odds, verdict.reason))
-        std[everywhere] = found.std[everywhere]
-        log_odds[inner] = odds
-        log_odds[:, PAD - 1] = log_odds[:, PAD]
-        log_odds[:, PAD + grid.columns] = log_odds[:, PAD + grid.columns - 1]
-        reason[everywhere] = Status.IMPLAUSIBLE
-        views = np.zeros(grid.shape, np.uint8)
-        views[inner] = (np.where(takes_third & ~agree, 0, RIGHT_CAMERA)
-                        | np.where(takes_third | agree, PROJECTOR, 0))
-        return Fused(FusedPlanes(grid, d, a, b), Verdict(std, log_odds, reason), views,
-                     everywhere)
+        self.inputs(found, verdict, planes)
+        self.odds[:] = verdict.log_odds[self.grid.inner]
+        self.third_odds.fill(HOPELESS)
+        weigh_forms(self.evidence, self.kind, self.two_forms, self.odds)
+        weigh_forms(self.evidence, self.only_third, self.third_form, self.third_odds)
+        fused, third = self.fused, found.planes
+        decide(self.kind, self.possible, self.evidence, self.odds, self.third_odds, self.doubts,
+               planes.d, planes.a, planes.b, verdict.std, verdict.reason, third.d, third.a,
+               third.b, found.std, fused.planes.d, fused.planes.a, fused.planes.b,
+               fused.verdict.std, fused.verdict.log_odds, fused.verdict.reason, fused.views,
+               fused.beyond)
+        return fused

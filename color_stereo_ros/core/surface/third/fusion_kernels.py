@@ -4,13 +4,20 @@
 import math
 
 from ...compiled import band, banded, LENGTH, part, stack_row
+from ...status_codes import IMPLAUSIBLE
 from ..grid_kernels import F4, FAST, PAD
+from ..trust_kernels import HOPELESS_ODDS
 from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
 MISFIT_CAP = F4(TUNING.use.misfit_cap)
 VARIANCE_CAP = F4(TUNING.use.variance_cap)
 DISTANCE_CAP = F4(TUNING.use.distance_cap)
+LOWEST, HIGHEST = (F4(limit) for limit in TUNING.use.odds_limits)
+AGREEMENT = F4(TUNING.use.agreement)
+KEPT_ODDS = F4(TUNING.use.kept_odds)
+NOTHING, AGREE, FIRM, APART = range(4)  # kinds of nodes, see `fusion.Inputs`
+RIGHT_CAMERA, PROJECTOR = 1, 2  # bits of `RangeResult.views`
 
 
 @part(fastmath=FAST)
@@ -99,3 +106,73 @@ def weigh_forms(k, evidence, kind, forms, out):
                 for x in range(size):
                     if kinds[x] == which + 1:
                         told[x] = total[x]
+
+
+@banded(fastmath=FAST)
+def sort_nodes(k, two_d, third_d, odds, witness, firm, treated, evidence, kind, only_third,
+               possible):
+    """
+    Write of which kind nodes are, and what two cameras and witness say of them.
+
+    two_d, third_d, odds, witness float32 and firm bool are framed, all others are not: treated
+    bool; kind uint8, see `fusion.Inputs`; only_third uint8, 1 where the third view has a plane and
+    does not agree; possible bool, the two cameras may have a range; evidence[0] takes the bounded
+    log-odds of two cameras, evidence[2] the square root of the misfit of the witness.
+
+    """
+    rows, columns = treated.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        y = row + PAD
+        for column in range(columns):
+            x = column + PAD
+            two, told = odds[y, x], treated[row, column]
+            evidence[0, row, column] = min(max(two, LOWEST), HIGHEST)
+            misfit = witness[y, x]
+            evidence[2, row, column] = math.sqrt(misfit if misfit < MISFIT_CAP else MISFIT_CAP)
+            may = two > HOPELESS_ODDS / F4(2)
+            which = APART if told | may else NOTHING
+            which = AGREE if told & (abs(third_d[y, x] - two_d[y, x]) < AGREEMENT) else which
+            which = FIRM if firm[y, x] else which
+            kind[row, column] = which
+            only_third[row, column] = 1 if told & (which == APART) else 0
+            possible[row, column] = may
+
+
+@banded(fastmath=FAST)
+def decide(k, kind, possible, evidence, odds, third_odds, doubts, two_d, two_a, two_b, two_std,
+           two_reason, third_d, third_a, third_b, third_std, d, a, b, std, log_odds, reason, views,
+           takes_third):
+    """
+    Write which plane nodes get, and how far it is trusted.
+
+    kind and possible as `sort_nodes` writes them, evidence[0] too. odds, third_odds, float32
+    (rows, columns): log-odds of the planes of two cameras and of the third view, HOPELESS_ODDS
+    where there is none; doubts float32 (4,), by kind. All others are framed, those after
+    third_std are written: float32, reason and views uint8, takes_third bool.
+
+    """
+    rows, columns = kind.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        y = row + PAD
+        for column in range(columns):
+            x, which = column + PAD, kind[row, column]
+            # nothing of two cameras was there to be lost
+            alone = (which == APART) & (not possible[row, column])
+            two = HOPELESS_ODDS if alone else odds[row, column]
+            third = third_odds[row, column]
+            doubted = (which == AGREE) & (evidence[0, row, column] < KEPT_ODDS)
+            takes = (third > two) | doubted
+            agree = (which == AGREE) | (which == FIRM)
+            log_odds[y, x] = max(two, third) - (F4(0) if alone else doubts[which])
+            d[y, x] = third_d[y, x] if takes else two_d[y, x]
+            a[y, x] = third_a[y, x] if takes else two_a[y, x]
+            b[y, x] = third_b[y, x] if takes else two_b[y, x]
+            std[y, x] = third_std[y, x] if takes else two_std[y, x]
+            reason[y, x] = IMPLAUSIBLE if takes else two_reason[y, x]
+            views[y, x] = (0 if takes & (not agree) else RIGHT_CAMERA) | (
+                PROJECTOR if takes | agree else 0)
+            takes_third[y, x] = takes
+        log_odds[y, PAD - 1] = log_odds[y, PAD]
+        log_odds[y, PAD + columns] = log_odds[y, PAD + columns - 1]

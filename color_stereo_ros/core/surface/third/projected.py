@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from ..grid_kernels import F4
-from .sweep import magnification, packed, places_per_disparity, straightened, sweep_matrix
+from .sweep import (
+    geometry_variance, magnification, packed, places_per_disparity, straightened, sweep_matrix)
 from .tuning import TUNING
 
 
@@ -62,13 +63,33 @@ class Projected:
         self.light = straightened(pattern, model)
         self.size = np.array(self.light.shape[:2])
         self.variance, self.step = variance + TUNING.use.lens_variance, step
-        self.made = {}
+        self.made, self.spreads = {}, {}
 
     def moved(self, model, geometry):
         """Return the same for a model that differs by little: with the same images."""
+        if model is self.model:
+            return self
         other = copy(self)
+        other.spreads = {}
         other.model, other.sweep = model, sweep_matrix(model, geometry).astype(F4)
         return other
+
+    def spread(self, geometry, d, nodes):
+        """
+        Return what the uncertainty of the projector does to disparities, float32 (rows, columns).
+
+        px^2, for nodes of that many rows and columns, at about a disparity d, px; kept, since it
+        is the same from pair to pair.
+
+        """
+        least, ratio = TUNING.sweep.least_shift, np.log(TUNING.sweep.spread_step)
+        level = round(np.log(max(d - geometry.principal_offset, least)) / ratio)
+        if level not in self.spreads:
+            about = np.exp(level * ratio) + geometry.principal_offset
+            self.spreads[level] = cv2.resize(
+                geometry_variance(self.model, geometry, about).astype(F4), nodes[::-1],
+                interpolation=cv2.INTER_LINEAR)
+        return self.spreads[level]
 
     @property
     def blur(self):
@@ -96,5 +117,6 @@ class Projected:
         """Return the light of a BlurredPattern at places, float32 (3, ...), NaN outside."""
         image = pattern.image.view(np.uint8).reshape(*self.size, 4)
         seen = cv2.remap(image, np.atleast_2d(u), np.atleast_2d(v), cv2.INTER_LINEAR)[..., :3]
-        light = np.moveaxis(seen, -1, 0).reshape(3, *u.shape) * F4(TUNING.sweep.unit)
+        light = np.ascontiguousarray(np.moveaxis(seen, -1, 0), F4).reshape(3, *u.shape)
+        light *= F4(TUNING.sweep.unit)
         return np.where(self.inside(u, v), light, F4(np.nan))

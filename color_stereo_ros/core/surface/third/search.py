@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The coarse search of the third view: semi-global, over disparities, on the left coarse grid."""
 
+import cv2
 import numpy as np
 
 from ...compiled import BANDS
 from ..coarse import Seeds
 from .sweep_kernels import (
-    cheapest_disparities, paths_along_columns, paths_along_rows, sum_windows, sweep_costs)
+    cheapest_disparities, PATHS, paths_along_columns, paths_along_rows, sum_windows, sweep_costs)
 from .tuning import TUNING
 
 F4 = np.float32
@@ -59,7 +60,8 @@ class SweepSearch:
         known : numpy.ndarray, float32, shape (h, w)
             Disparity that stereo knows, px; NaN = unknown.
         wanted : numpy.ndarray, bool, shape (h, w)
-            Coarse nodes that are compared; all others take the disparities of those around.
+            Coarse nodes that are searched; all others keep what is known, or take the disparities
+            of those around.
         sweep : numpy.ndarray, float32, shape (3, 4)
             To the pixels of this image.
 
@@ -73,15 +75,29 @@ class SweepSearch:
         left = coarse.upright.left
         cap, neutral = coarse.costs
         center = F4((self.step - 1) / 2)
-        sweep_costs(left[0], left[1], left[3] * wanted, image, size, colors, light,
-                    (known - F4(self.first)) / F4(self.spacing), sweep, center, F4(self.step),
-                    F4(self.first), F4(self.spacing), coarse.scale, cap, neutral,
-                    F4(tuning.known_slope * cap), self.cost)
-        sum_windows(self.cost, self.summed)
+        known = (known - F4(self.first)) / F4(self.spacing)
+        needed = needed_nodes(wanted & np.isnan(known))
+        sweep_costs(left[0], left[1], left[3] * wanted, image, size, colors, light, known, needed,
+                    sweep, center, F4(self.step), F4(self.first), F4(self.spacing), coarse.scale,
+                    cap, neutral, F4(tuning.known_slope * cap), self.cost)
+        sum_windows(self.cost, needed, self.summed)
         small, large = coarse.penalties
         guard = I2(tuning.guard_cost)
-        paths_along_rows(self.summed, small, large, guard, self.total, self.scratch)
-        paths_along_columns(self.summed, small, large, guard, self.total, self.scratch)
-        cheapest_disparities(self.total, self.best)
+        paths_along_rows(self.summed, needed, small, large, guard, self.total, self.scratch)
+        paths_along_columns(self.summed, needed, small, large, guard, self.total, self.scratch)
+        cheapest_disparities(self.total, known, needed, self.best)
         disparity = F4(self.first) + F4(self.spacing) * self.best
         return Seeds(disparity / F4(self.step), coarse.factor, None, 0.0)
+
+
+def needed_nodes(unknown):
+    """
+    Return what is needed of coarse nodes whose disparity is searched, uint8 (h, w).
+
+    Paths run over these nodes and their neighbors, of which some know more, and costs are summed
+    over the neighbors of both.
+
+    """
+    kernel = np.ones((3, 3), np.uint8)
+    paths = cv2.dilate(unknown.view(np.uint8), kernel)
+    return np.where(paths, np.uint8(PATHS), cv2.dilate(paths, kernel))

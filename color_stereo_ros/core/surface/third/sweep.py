@@ -74,14 +74,14 @@ def straightened(pattern, model):
     if not model.distortion:
         return light
     rows, columns = light.shape[:2]
-    pixels = np.stack([*np.meshgrid(np.arange(columns), np.arange(rows)),
-                       np.ones((rows, columns))], axis=-1)
-    rays = pixels @ np.linalg.inv(model.camera_matrix).T
-    stretch = 1 + model.distortion * (rays[..., :1] ** 2 + rays[..., 1:2] ** 2)
-    distorted = np.concatenate([stretch * rays[..., :2], rays[..., 2:]], axis=-1)
-    there = (distorted @ model.camera_matrix.T).astype(F4)
-    return cv2.remap(light, there[..., 0], there[..., 1], cv2.INTER_CUBIC,
-                     borderMode=cv2.BORDER_REPLICATE)
+    u, v = np.meshgrid(np.arange(columns, dtype=F4), np.arange(rows, dtype=F4))
+    (fx, skew, cu), (_, fy, cv), _ = model.camera_matrix
+    y = (v - F4(cv)) * F4(1 / fy)
+    x = (u - F4(cu) - F4(skew) * y) * F4(1 / fx)
+    stretch = F4(model.distortion) * (x * x + y * y)
+    # K (1 + k r^2) (x, y) = (u, v) + k r^2 K (x, y)
+    return cv2.remap(light, u + stretch * (u - F4(cu)), v + stretch * (v - F4(cv)),
+                     cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 
 def prepared_for(model, prepared, geometry, limits):
@@ -108,6 +108,8 @@ def prepared_for(model, prepared, geometry, limits):
 
     """
     tuning = TUNING.sweep
+    if model is prepared:
+        return model
     if prepared is None or prepared.size != model.size:
         return model
     if distortion_apart(model, prepared) > tuning.prepared_places:
@@ -171,9 +173,9 @@ def geometry_variance(model, geometry, d):
 
 def packed(light):
     """Return light 0..1, float (H, W, 3), in the bytes of uint32 (H W,)."""
-    pixels = np.zeros((*light.shape[:2], 4), np.uint8)
-    pixels[..., :3] = np.rint(np.clip(light, 0, 1) / TUNING.sweep.unit)
-    return pixels.view(np.uint32).reshape(-1)
+    pixels = cv2.convertScaleAbs(np.maximum(light, 0), alpha=1 / TUNING.sweep.unit)
+    return cv2.merge([*cv2.split(pixels), np.zeros(pixels.shape[:2], np.uint8)]).view(
+        np.uint32).reshape(-1)
 
 
 def magnification(sweep, geometry, d):

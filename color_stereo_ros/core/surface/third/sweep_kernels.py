@@ -29,6 +29,7 @@ UNIT = F4(TUNING.sweep.unit)
 MARGIN = F4(TUNING.color.margin)
 LEAST_LIGHT = F4(TUNING.color.least_light)
 LARGEST = I2(32767)
+PATHS = 2  # of what is needed of a coarse node: paths; 1: its costs only; 0: nothing
 
 
 @part()
@@ -124,20 +125,22 @@ def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, co
         slope_v[n] = gvs[n]
 
 
-@serial(fastmath=FAST)
-def places_of_nodes(sweep, d, step, out):
+@banded(fastmath=FAST)
+def places_of_nodes(k, sweep, d, step, out):
     """Write column and row of the pattern, px, of every step-th node, float32 (2, h, w)."""
     m = numbers(sweep)
-    for row in range(out.shape[1]):
-        for column in range(out.shape[2]):
-            x, y = F4(2 * step * column) + F4(0.5), F4(2 * step * row) + F4(0.5)
-            here = d[PAD + step * row, PAD + step * column]
-            depth = m[8] * x + m[9] * y + m[10] + m[11] * here
+    first, last = band(k, out.shape[1])
+    for row in range(first, last):
+        y = F4(2 * step * row) + F4(0.5)
+        here, us, vs = d[PAD + step * row], out[0, row], out[1, row]
+        for column in range(us.size):
+            x, value = F4(2 * step * column) + F4(0.5), here[PAD + step * column]
+            depth = m[8] * x + m[9] * y + m[10] + m[11] * value
             ahead = depth > LEAST_DEPTH
             inverse = F4(1) / (depth if ahead else LEAST_DEPTH)
-            out[0, row, column] = (
-                (m[0] * x + m[1] * y + m[2] + m[3] * here) * inverse if ahead else FAR_OUTSIDE)
-            out[1, row, column] = (m[4] * x + m[5] * y + m[6] + m[7] * here) * inverse
+            u = (m[0] * x + m[1] * y + m[2] + m[3] * value) * inverse
+            us[column] = u if ahead else FAR_OUTSIDE
+            vs[column] = (m[4] * x + m[5] * y + m[6] + m[7] * value) * inverse
 
 
 @part()
@@ -287,10 +290,10 @@ def take_better(k, d, a, b, step_y, step_x, tiles, cost, best, new_d, new_a, new
 
 
 @banded(fastmath=FAST)
-def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, sweep, offset, step,
-                first_disparity, spacing, scale, cap, neutral, slope, cost):
+def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, needed, sweep, offset,
+                step, first_disparity, spacing, scale, cap, neutral, slope, cost):
     """
-    Fill a volume, int16 (h, w, D), with the costs of the coarse nodes.
+    Fill a volume, int16 (h, w, D), with the costs of the coarse nodes that are needed, not 0.
 
     Node (j, i) lies at x = offset + step i. The disparity of index n is first_disparity + n
     spacing, px. left_u, left_v int16, in units of 1 / scale; trust int16 0..16. known, float32
@@ -307,6 +310,8 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, swee
     color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
     for row in range(first, last):
         for column in range(columns):
+            if needed[row, column] == 0:
+                continue
             out = cost[row, column]
             if known[row, column] == known[row, column]:
                 for n in range(depth):
@@ -338,13 +343,20 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, swee
 
 
 @banded()
-def sum_windows(k, cost, out):
-    """Sum a volume, int16 (h, w, D), over 3 x 3 nodes with weights 1, 2, 1, halved; sum 8."""
+def sum_windows(k, cost, needed, out):
+    """
+    Sum a volume, int16 (h, w, D), over 3 x 3 nodes with weights 1, 2, 1, halved; sum 8.
+
+    Only at nodes where needed, uint8 (h, w), is PATHS.
+
+    """
     rows, columns, depth = cost.shape
     first, last = band(k, rows)
     for y in range(first, last):
         above, below = max(y - 1, 0), min(y + 1, rows - 1)
         for x in range(columns):
+            if needed[y, x] != PATHS:
+                continue
             left, right = max(x - 1, 0), min(x + 1, columns - 1)
             total = out[y, x]
             a, b, c = cost[above, left], cost[above, x], cost[above, right]
@@ -382,8 +394,13 @@ def follow(cost, path, small, large, total, add):
 
 
 @banded()
-def paths_along_rows(k, cost, small, large, guard, total, scratch):
-    """Write the costs of the paths from the left and from the right; volumes int16 (h, w, D)."""
+def paths_along_rows(k, cost, needed, small, large, guard, total, scratch):
+    """
+    Write the costs of the paths from the left and from the right; volumes int16 (h, w, D).
+
+    Paths begin anew after nodes where needed, uint8 (h, w), is not PATHS.
+
+    """
     rows, columns, depth = cost.shape
     first, last = band(k, rows)
     path = scratch[k, 0]
@@ -392,14 +409,21 @@ def paths_along_rows(k, cost, small, large, guard, total, scratch):
             path[:depth + 2] = I2(0)
             path[0] = guard
             path[depth + 1] = guard
+            whole = True
             for n in range(columns):
                 x = columns - 1 - n if backwards else n
+                if needed[y, x] != PATHS:
+                    whole = False
+                    continue
+                if not whole:
+                    path[1:depth + 1] = I2(0)
+                    whole = True
                 follow(cost[y, x], path[:depth + 2], small, large, total[y, x], backwards == 1)
 
 
 @banded()
-def paths_along_columns(k, cost, small, large, guard, total, scratch):
-    """Add the costs of the paths from above and from below; volumes int16 (h, w, D)."""
+def paths_along_columns(k, cost, needed, small, large, guard, total, scratch):
+    """Add the costs of the paths from above and from below; see `paths_along_rows`."""
     rows, columns, depth = cost.shape
     first, last = band(k, columns)
     for backwards in range(2):
@@ -410,18 +434,34 @@ def paths_along_columns(k, cost, small, large, guard, total, scratch):
             path[depth + 1] = guard
         for n in range(rows):
             y = rows - 1 - n if backwards else n
+            before = min(max(y + 1 if backwards else y - 1, 0), rows - 1)
             for x in range(first, last):
+                if needed[y, x] != PATHS:
+                    continue
+                if needed[before, x] != PATHS:
+                    scratch[k, x - first, 1:depth + 1] = I2(0)
                 follow(cost[y, x], scratch[k, x - first, :depth + 2], small, large, total[y, x],
                        True)
 
 
 @banded()
-def cheapest_disparities(k, total, best):
-    """Write the index of the lowest cost of every node of a volume (h, w, D), refined by a V."""
+def cheapest_disparities(k, total, known, needed, best):
+    """
+    Write the index of the lowest cost of every node of a volume (h, w, D), refined by a V.
+
+    Where needed, uint8 (h, w), is not PATHS, the known index is written, float32 (h, w); where
+    this is NaN, that of the last node of the row.
+
+    """
     rows, columns, depth = total.shape
     first, last = band(k, rows)
     for y in range(first, last):
+        place = F4(0)
         for x in range(columns):
+            if needed[y, x] != PATHS:
+                place = known[y, x] if known[y, x] == known[y, x] else place
+                best[y, x] = place
+                continue
             costs = total[y, x]
             least = LARGEST
             for n in range(depth):

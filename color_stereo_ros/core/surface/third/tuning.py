@@ -23,6 +23,9 @@ class SweepTuning(Constants):
     unit: float = constant(
         1 / 255, '1', 'Light per step of a packed pixel.', derived('A byte for each channel.'),
         compiled=True)
+    spread_step: float = constant(
+        1.05, '1', 'Ratio of the disparities for which the uncertainty of the projector is kept.',
+        derived('Its variance is off by a twentieth.'))
     samples: tuple = constant(
         (12, 9), '1', 'Places across and down where the uncertainty of the projector is computed.',
         chosen('It changes slowly over the image.'))
@@ -31,8 +34,8 @@ class SweepTuning(Constants):
         derived('Prevents division by 0.'))
 
     prepared_places: float = constant(
-        0.02, 'px', 'Largest change of the distortion for which the pattern is straightened anew.',
-        derived('Less than the error of its interpolation.'))
+        0.1, 'px', 'Largest change of the distortion for which the pattern is straightened anew.',
+        derived('Half of the deviation of `use.phase_variance`.'))
     prepared_scale: float = constant(
         0.03, '1', 'Largest change of the scale for which the pattern is blurred anew.',
         derived('A blur of 1 px is off by .03 px.'))
@@ -58,6 +61,9 @@ class ColorTuning(Constants):
     sharp: float = constant(
         0.985, '1', 'Share of the spread of the colors from which no further blur is tried.',
         chosen('Sharp views of gray surfaces: .99.'))
+    scale_samples: int = constant(
+        4000, '1', 'Nodes from which the first quartile of the errors is taken, about.',
+        derived('Known to a hundredth.'))
     least_samples: int = constant(
         300, '1', 'Known nodes below which the third view takes no part.',
         chosen('Less than .5 % of the nodes of a VGA pair say nothing about all others.'))
@@ -76,9 +82,15 @@ class ColorTuning(Constants):
     least_total: float = constant(
         0.02, '1', 'Smallest brightness of the predicted color, white = 3.',
         derived('Prevents division by 0.'))
+    thin: int = constant(
+        2, '1', 'Coarse nodes, across and down, per node where colors are measured.',
+        chosen('Six scenes: 1 covers as much and takes 3 ms more.'))
     radii: tuple = constant(
-        (24, 6, 2), 'coarse nodes', 'Radii of the windows from which local colors are measured.',
+        (12, 3, 1), 'thin nodes', 'Radii of the windows from which local colors are measured.',
         chosen('A material, a part, a print; each holds where the next one knows nothing.'))
+    thinnings: tuple = constant(
+        (3, 1, 1), '1', 'Thin nodes per node of the grid on which windows are averaged.',
+        derived('Smooth over windows: a quarter of the radius.'))
     holds: tuple = constant(
         (2.0, 4.0, 8.0), '1', 'Hold of the local colors towards those of the larger window.',
         chosen('A node of usual noise weighs 400 times its share of a window.'))
@@ -99,7 +111,7 @@ class ColorTuning(Constants):
         0.02, '1', 'Share of known nodes in a window from which they tell something.',
         chosen('A few nodes are chance.'))
     unrest_radius: int = constant(
-        4, 'coarse nodes', 'Radius of the windows over which the error of the colors is averaged.',
+        2, 'thin nodes', 'Radius of the windows over which the error of the colors is averaged.',
         chosen('A surface with print has it everywhere.'))
     unrest_limit: float = constant(
         60.0, '1', 'Largest factor of the variance.', chosen('Beyond, nothing is told.'))
@@ -202,8 +214,9 @@ class UseTuning(Constants):
         2.0, '1', 'Factor of the variance of a plane of the third view.',
         chosen('Neighbors share noise.'))
     steps: tuple = constant(
-        ((6,), (2,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
-        chosen('Two rounds, from far to near.'))
+        ((), (6,)), 'nodes', 'Distances of the neighbors whose planes are tried, per round.',
+        chosen('Six scenes: ((6,), (2,)) covers .0001 more and takes a fifth of the time more; '
+               '((6,),) covers .008 less.'))
     robust_misfit: float = constant(
         9.0, '1', 'Misfit at which a node has half of its weight (Cauchy).',
         derived('As `planes.robust_misfit`.'))

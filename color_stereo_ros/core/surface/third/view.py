@@ -11,11 +11,10 @@ from ...projector.model import COUNT, ProjectorModel
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
 from ..planes import LeastSquares, Linearized, PlaneField
-from .colors import explained, fitted_colors, Light, local_light
+from .colors import explained, fitted_colors, Light, local_light, resized, warm as warm_colors
 from .fusion import Fusion, known_planes
 from .projected import Projected
 from .search import SweepSearch
-from .sweep import geometry_variance
 from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
 from .tuning import TUNING
 
@@ -63,17 +62,15 @@ class ThirdView:
         grid = self.grid = method.views.grid
         self.arena = arena
         self.planes = PlaneField(grid, method.tuning.coarse.seed_variance, True, arena)
-        self.seen = PlaneField(grid, method.tuning.coarse.seed_variance, True, arena)
+        self.seen = arena.zeros(grid.shape, F4)
+        self.seen.fill(TUNING.use.misfit_cap)
         self.solver = LeastSquares(grid, method.limits, method.settings.matching,
                                    method.tuning.planes, arena)
-        self.witness_solver = LeastSquares(grid, method.limits, method.settings.matching,
-                                           method.tuning.planes, arena)
         self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
         self.known = Linearized(*(arena.zeros(grid.shape, F4) for _ in range(2)))
         rows, columns = np.indices(grid.shape)
-        self.checkered = (rows + columns) % 2 == 0
-        self.checkered_share = cv2.blur(self.checkered.astype(F4), (3, 3))
-        self.nothing_known = Linearized(*(arena.zeros(grid.shape, F4) for _ in range(2)))
+        self.sparse = (rows % 2 == 0) & (columns % 2 == 0)
+        self.sparse_share = cv2.blur(self.sparse.astype(F4), (3, 3))
         self.projected = self.prepared = self.search = self.found = self.last_light = None
         self.fusion = Fusion(grid)
 
@@ -146,12 +143,17 @@ class ThirdView:
                      self.around(self.planes.misfit), self.std(), dim, self.projected)
 
     def witness(self, planes, light):
-        """Return the mean misfit around the nodes at planes, from every other node, float32."""
-        misfit = self.seen.misfit
-        self.linearize(self.witness_solver, planes, light, self.grid.tiles, self.checkered,
-                       misfit, self.nothing_known)
-        capped = np.fmin(misfit, F4(TUNING.use.misfit_cap))
-        return cv2.blur(capped * self.checkered, (3, 3)) / self.checkered_share
+        """Return the mean misfit around the nodes at planes, from a quarter of them, float32."""
+        self.misfits(planes, light, 0, 0, self.grid.tiles, self.sparse, self.seen)
+        return cv2.blur(self.seen * self.sparse, (3, 3)) / self.sparse_share
+
+    def misfits(self, planes, light, step_y, step_x, tiles, region, out):
+        """Write the misfits of a region under planes of neighbors; see `sweep_misfits`."""
+        left, projected = self.views.left, self.projected
+        sweep_misfits(left.u, left.v, left.variance, light.pattern.image, projected.size,
+                      light.colors, light.local, light.unrest, projected.sweep, planes.d,
+                      planes.a, planes.b, step_y, step_x, tiles, region, light.scale,
+                      self.phase, F4(TUNING.use.misfit_cap), out)
 
     def lit(self):
         """Return the nodes whose color says something, bool framed."""
@@ -184,6 +186,7 @@ class ThirdView:
         """
         self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
         nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
+        warm_colors(self.coarse.disparity.shape)
         self.witness(planes, light)
         self.fill(planes, nothing, light, self.solver.linearized, PairModel.neutral(self.views),
                   nothing)
@@ -210,13 +213,11 @@ class ThirdView:
     def std(self):
         """Return the standard deviations of the planes of the third view, px, float32 framed."""
         variance = F4(TUNING.use.variance_factor) * self.planes.variance
-        thin = self.coarse.factor
+        thin = 4 * self.coarse.factor
         d = self.planes.d[self.grid.inner][::thin, ::thin]
         middle = float(np.nanmedian(d)) if np.isfinite(d).any() else float(np.mean(self.limits))
-        variance[self.grid.inner] += cv2.resize(
-            geometry_variance(self.projected.model, self.geometry, middle).astype(F4),
-            self.grid.nodes[::-1], interpolation=cv2.INTER_LINEAR)
-        return np.sqrt(variance)
+        variance[self.grid.inner] += self.projected.spread(self.geometry, middle, self.grid.nodes)
+        return np.sqrt(variance, out=variance)
 
     def measure_alone(self, pair):
         """
@@ -246,15 +247,16 @@ class ThirdView:
     def light(self, planes, known):
         """Return the Light that the known nodes show, None where there are too few."""
         tuning, inner, left = TUNING.color, self.grid.inner, self.views.left
-        step = self.coarse.factor
-        shape = self.coarse.disparity.shape
+        step = tuning.thin * self.coarse.factor
+        shape = tuple(max(1, count // tuning.thin) for count in self.coarse.disparity.shape)
         place = np.empty((2, *shape), F4)
         places_of_nodes(self.projected.sweep, planes.d, step, place)
         thin = np.s_[:shape[0] * step:step, :shape[1] * step:step]
-        u, v, variance = (each[inner][thin] for each in (left.u, left.v, left.variance))
+        u, v, variance = (np.ascontiguousarray(each[inner][thin])
+                          for each in (left.u, left.v, left.variance))
         used = known[thin] & self.projected.inside(*place) & (variance < SILENT_VARIANCE)
         count = np.count_nonzero(used)
-        if count < tuning.least_samples:
+        if count * tuning.thin ** 2 < tuning.least_samples:
             return None
         some = np.flatnonzero(used)[::max(1, count // tuning.samples)]
         pattern, colors, share = self.sharpest(*(each.ravel()[some] for each in (
@@ -263,14 +265,16 @@ class ThirdView:
             return None
         sampled = self.projected.light_at(pattern, *place)
         local, error = local_light(u, v, sampled, colors, variance, used)
-        scale = F4(max(np.percentile(error[used], 25) / tuning.quartile, tuning.least_scale))
+        errors = error[used][::max(1, count // tuning.scale_samples)]
+        scale = F4(max(np.percentile(errors, 25) / tuning.quartile, tuning.least_scale))
         size = (2 * tuning.unrest_radius + 1,) * 2
         share = cv2.blur(used.astype(F4), size)
         unrest = cv2.blur(np.minimum(error, F4(tuning.unrest_limit) * scale), size) / np.maximum(
             share, F4(tuning.least_share))
         unrest = np.where(share > F4(tuning.least_share), unrest / (2 * scale), 1)
         unrest = np.clip(unrest, 1, F4(tuning.unrest_limit)).astype(F4)
-        self.coarse_light = local
+        self.coarse_light = np.stack([resized(each, self.coarse.disparity.shape[::-1])
+                                      for each in local])
         self.last_light = Light(pattern, colors, np.stack([self.framed(each) for each in local]),
                                 self.framed(unrest), scale)
         return self.last_light
@@ -301,7 +305,7 @@ class ThirdView:
         return best
 
     def framed(self, samples):
-        """Return coarse samples at all nodes, framed float32."""
+        """Return thin samples at all nodes, framed float32."""
         out = np.ones(self.grid.shape, F4)
         out[self.grid.inner] = cv2.resize(samples, self.grid.nodes[::-1],
                                           interpolation=cv2.INTER_LINEAR)
@@ -363,22 +367,19 @@ class ThirdView:
             np.copyto(own, told)  # also beyond the tiles, where nothing of another pair is left
         mine.misfit.fill(np.nan)
         for turn, steps in enumerate(TUNING.use.steps):
-            self.propagate(light, tiles, region, steps)
+            if steps:
+                self.propagate(light, tiles, region, steps)
             own = self.linearize(solver, mine, light, tiles, region, mine.misfit, known)
             solver.fit(own, self.views, mine, pair, tiles, turn)
-        self.linearize(solver, mine, light, tiles, region, mine.misfit, known)
+        # the misfit stays that before the last fit
 
     def propagate(self, light, tiles, region, steps):
         """Let the nodes of a region try the planes of their neighbors."""
-        left, projected, mine = self.views.left, self.projected, self.planes
-        cap = F4(TUNING.use.misfit_cap)
+        mine, cap = self.planes, F4(TUNING.use.misfit_cap)
         kernel = np.ones((3, 3), np.uint8)
 
         def windows(step_y, step_x):
-            sweep_misfits(left.u, left.v, left.variance, light.pattern.image, projected.size,
-                          light.colors, light.local, light.unrest, projected.sweep, mine.d,
-                          mine.a, mine.b, step_y, step_x, tiles, region, light.scale,
-                          self.phase, cap, self.cost)
+            self.misfits(mine, light, step_y, step_x, tiles, region, self.cost)
             return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel)
 
         for step in steps:
