@@ -22,6 +22,7 @@ TRUST = load_model('trust')
 SLOW = load_model('slow')
 SPREAD = load_model('spread')
 PERIOD = load_model('period')
+STEPS = load_model('steps')
 
 
 @dataclass(frozen=True)
@@ -766,6 +767,41 @@ class QualityTuning(Constants):
 
 
 @dataclass(frozen=True)
+class StepTuning(Constants):
+    """Doubt about ranges beside steps of the disparity."""
+
+    heights: tuple = constant(
+        (1.0, 2.0), 'px', 'Range of the disparity over 5 x 5 nodes from which a node loses '
+        'log-odds, and from which it loses all.',
+        chosen('Wrong ranges of confidence above .9: medians of 3.2 to 3.8 px, right ones .2 px '
+               '(effector_bin, ambient light, blur of both, gray). Log-odds of 2.5 to 3: 10 % '
+               'wrong beside steps, 1 % elsewhere.'))
+    largest_height: float = constant(
+        8.0, 'px', 'Height of a step from which it does not tell how much a pair says.',
+        chosen('Nodes at the borders of objects are wrong in any pair.'))
+    rough_bends: tuple = constant(
+        (0.2, 0.4), 'px', 'Mean second difference around a node from which steps begin to count, '
+        'and from which they count fully.',
+        chosen('A tilted board has differences without steps. tilt_30, motion of one view, share '
+               'of right ranges above .9: 0 without it, .7 with it, .85 without this doubt.'))
+    least_odds: float = constant(
+        0.4, '1', 'Log-odds of the nodes that tell how much a pair says.',
+        derived('Those of `matching.min_confidence`.'))
+    usual_odds: tuple = constant(
+        (3.4, 4.0), '1', 'Median of the log-odds beside steps up to which all is lost, and from '
+        'which nothing.',
+        chosen('Clean pairs of six scenes have 4.0 to 7; blur, compression, gray 1.5 to 3.7.'))
+    least_samples: int = constant(
+        30, '1', 'Samples beside steps below which nothing is doubted.',
+        chosen('A median of fewer is chance.'))
+    odds: float = constant(
+        STEPS['odds'], '1', 'Log-odds that are lost.', STEPS.provenance('odds'))
+    kept_odds: float = constant(
+        1.9, '1', 'Log-odds that every node keeps: a confidence of .87.',
+        derived('Below .9, and above every usual `matching.min_confidence`: no range is lost.'))
+
+
+@dataclass(frozen=True)
 class BrightnessTuning(Constants):
     """Brightness against its surroundings as a third carrier, and the search that it needs."""
 
@@ -1114,6 +1150,7 @@ class Tuning(Constants):
     planes: PlaneTuning = PlaneTuning()
     bends: BendTuning = BendTuning()
     quality: QualityTuning = QualityTuning()
+    steps: StepTuning = StepTuning()
     brightness: BrightnessTuning = BrightnessTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
