@@ -23,6 +23,8 @@ SLOW = load_model('slow')
 SPREAD = load_model('spread')
 PERIOD = load_model('period')
 STEPS = load_model('steps')
+TEMPER = load_model('temper')
+QUALITY = load_model('quality')
 
 
 @dataclass(frozen=True)
@@ -749,18 +751,15 @@ class QualityTuning(Constants):
         4.0, 'px^2', 'Variance from which a plane says nothing.',
         chosen('A standard deviation of 2 px.'), compiled=True)
     pull_gain: float = constant(
-        5.0, '1', 'Factor of the variance per squared mean root pull where the second difference '
-        'is 1 px; 0: variances stay.',
-        chosen('Maximum likelihood (robust: a Student distribution) of the errors of 130 pairs: '
-               'four scenes, 35 disturbances and patterns. |error| / std at 68 %, 18 of 20 pairs: '
-               '.82 to 1.39; before .64 to 1.34; smallest one .74 instead of .45.'))
+        QUALITY['pull_gain'], '1', 'Factor of the variance per squared mean root pull where the '
+        'second difference is 1 px; 0: variances stay.',
+        QUALITY.provenance('pull_gain'))
     factor_limits: tuple = constant(
         (0.02, 200.0), '1', 'Smallest and largest factor of the variance.',
         chosen('Crosstalk in one camera asks for .06; the largest is far from any pair.'))
     uneven_power: float = constant(
-        0.33, '1', 'Power of the mean second difference, px, in that factor.',
-        chosen('Found with `pull_gain`. Scatter of the logarithm of |error| / std at 68 % over '
-               'these pairs: .20, without it .29; over five parts of a pair .27, .40.'))
+        QUALITY['uneven_power'], '1', 'Power of the mean second difference, px, in that factor.',
+        QUALITY.provenance('uneven_power'))
     even: float = constant(
         0.02, 'px', 'Smallest mean second difference that counts.',
         chosen('Noise of large planes; .01 and .05 scatter as much.'))
@@ -1014,18 +1013,16 @@ class TrustTuning(Constants):
         1.4, '1', 'Log-odds that such a node keeps: a confidence of .8.',
         chosen('Without it .02 fewer right ranges.'))
     tempered_odds: float = constant(
-        -0.33, '1', 'Log-odds where the second difference is 1 px and other evidence says '
-        'nothing, unless colors are aperiodic.',
-        chosen('Logistic regression on 110 pairs: six scenes under ten patterns named unknown, '
-               'sines and sweeps. Wrong of those above .9, effector_bin, mean of 19 pairs: 9.5 -> '
-               '5 %. The same weights hold for gray pairs and slow colors, '
-               'which were left out.'))
+        TEMPER['tempered_odds'], '1', 'Log-odds where the second difference is 1 px and other '
+        'evidence says nothing, unless colors are aperiodic.',
+        TEMPER.provenance('tempered_odds'))
     tempered_factor: float = constant(
-        0.42, '1', 'Factor of the log-odds of other evidence there.',
-        chosen('Found with `tempered_odds`: log-odds of an aperiodic pattern are too sure.'))
+        TEMPER['tempered_factor'], '1', 'Factor of the log-odds of other evidence there.',
+        TEMPER.provenance('tempered_factor'))
     rough_odds: float = constant(
-        1.1, '1', 'Log-odds that a node loses where the second difference is e times as large.',
-        chosen('Found with `tempered_odds`. Wrong planes scatter.'))
+        TEMPER['rough_odds'], '1', 'Log-odds that a node loses where the second difference is e '
+        'times as large.',
+        TEMPER.provenance('rough_odds'))
     kept_odds: float = constant(
         1.0, '1', 'Log-odds that such a node keeps: a confidence of .73.',
         chosen('Without it .01 fewer right ranges; .45: .005, since pixels lie between nodes.'))
