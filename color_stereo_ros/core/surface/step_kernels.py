@@ -42,7 +42,7 @@ def lower_beside_steps(k, d, rough, rows, columns, low, high, lost, kept, odds):
                 for i in range(1, 2 * REACH + 1):
                     least = min(least, lows[x + i])
                     most = max(most, highs[x + i])
-                height = (most - least) * share[x]
+                height = (most - least if most > least else F4(0)) * share[x]
                 part = min(max((height - low) * per_height, F4(0)), F4(1))
                 floor = min(own[x], kept)
                 own[x] = max(own[x] - lost * part, floor)
