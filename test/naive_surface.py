@@ -11,7 +11,8 @@ import math
 
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import (
-    bend_kernels, grid_kernels, quality_kernels, raw_kernels, texture_kernels, trust_kernels)
+    bend_kernels, grid_kernels, quality_kernels, raw_kernels, step_kernels, texture_kernels,
+    trust_kernels)
 from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, RIVAL_DISTANCE
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
@@ -505,9 +506,9 @@ def unbend(weight, pull, planes, variance, tiles, noise, smooth, gate, noise_wei
 
 
 def sample_quality(d, weight, moment, variance, reference, step, shape):
-    """Return root pull, second difference and 1 of the samples (3, h, w)."""
+    """Return root pull, second difference, 1 and height of the samples (4, h, w)."""
     kernels = quality_kernels
-    out = np.zeros((3, *shape))
+    out = np.zeros((4, *shape))
     reach = range(-kernels.REACH, kernels.REACH + 1)
     pulls = write_pulls(weight, moment, d, reference)
     for row, column in nodes_of(shape):
@@ -520,7 +521,26 @@ def sample_quality(d, weight, moment, variance, reference, step, shape):
             continue
         pull = abs(sum(pulls[node] for node in window)) / math.sqrt(total)
         out[:, row, column] = (min(pull, kernels.PULL_CAP),
-                               min(*bends, kernels.UNEVEN_CAP), 1)
+                               min(*bends, kernels.UNEVEN_CAP), 1, height(d, window))
+    return out
+
+
+def height(d, window):
+    """Return the range of the known disparities of a window, 0 without any."""
+    known = [d[node] for node in window if math.isfinite(d[node])]
+    return max(known) - min(known) if known else 0.0
+
+
+def lower_beside_steps(d, rough, low, high, lost, kept, odds):
+    """Return the log-odds of all nodes after `step_kernels.lower_beside_steps`, framed."""
+    out, reach = odds.copy(), range(-step_kernels.REACH, step_kernels.REACH + 1)
+    for row, column in nodes_of(rough.shape):
+        y, x = row + PAD, column + PAD
+        size = height(d, [(y + j, x + i) for j in reach for i in reach]) * rough[row, column]
+        share = min(max((size - low) / (high - low), 0), 1)
+        out[y, x] = max(odds[y, x] - lost * share, min(odds[y, x], kept))
+    rows, end = slice(PAD, PAD + rough.shape[0]), PAD + rough.shape[1]
+    out[rows, PAD - 1], out[rows, end] = out[rows, PAD], out[rows, end - 1]
     return out
 
 

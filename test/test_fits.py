@@ -10,7 +10,7 @@ from color_stereo_ros.core import PatternSettings, Settings
 from color_stereo_ros.core.surface.fitted import FittedModel, load_model, MODELS
 from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.evaluation.fits import arguments, nodes, period, records, run, slow
-from color_stereo_ros.evaluation.fits import spread, trust
+from color_stereo_ros.evaluation.fits import quality, spread, steps, temper, trust
 from color_stereo_ros.evaluation.fits.pairs import Pair
 import numpy as np
 import projected
@@ -129,6 +129,35 @@ def test_no_doubt_hides_the_ranges_that_tell_of_periods():
     assert found.clear_share.min() < 1
     assert (found.log_odds >= doubted.log_odds).all()
     assert (found.log_odds > doubted.log_odds).any()
+
+
+def test_the_smallest_loss_that_suffices_in_every_case_is_taken():
+    most = steps.MOST_WRONG
+    falling = np.interp(steps.LOSSES, (0, 2), (2 * most, 0.5 * most))
+    quick = np.interp(steps.LOSSES, (0, 1), (2 * most, 0))
+    assert steps.LOSSES[steps.smallest([falling, quick])] == 1.5
+    assert steps.LOSSES[steps.smallest([falling + most])] == steps.LOSSES[-1]
+
+
+def test_the_temper_fit_recovers_planted_weights():
+    rng = np.random.default_rng(7)
+    planted, samples = np.array([-0.3, 0.5, -1.0]), []
+    for _ in range(3):
+        inputs = np.stack([np.ones(20000), rng.uniform(0, 8, 20000),
+                           rng.uniform(-4, 0, 20000)], axis=1)
+        samples.append((inputs, drawn(rng, inputs @ planted)))
+    np.testing.assert_allclose(temper.fitted_weights(samples), planted, atol=0.15)
+
+
+def test_the_quality_fit_recovers_a_planted_factor():
+    rng = np.random.default_rng(8)
+    count = 20000
+    known = np.stack([np.zeros(count), rng.uniform(1e-4, 1e-2, count), np.zeros(count),
+                      rng.uniform(0.3, 3, count), np.exp(rng.uniform(-3, 0, count))], axis=1)
+    known[:, 0] = (rng.standard_t(quality.FREEDOM, count)
+                   * quality.deviation(known, 4.0, 0.5))
+    gain, power = quality.fitted_factor([known, known])
+    assert gain == pytest.approx(4.0, rel=0.15) and power == pytest.approx(0.5, abs=0.1)
 
 
 def options(**values):

@@ -32,6 +32,7 @@ from color_stereo_ros.core.surface.plane_kernels import (
 from color_stereo_ros.core.surface.quality_kernels import sample_quality
 from color_stereo_ros.core.surface.raw_faults import read_only
 from color_stereo_ros.core.surface.row_kernels import moved_rows, row_cells
+from color_stereo_ros.core.surface.step_kernels import lower_beside_steps
 from color_stereo_ros.core.surface.texture_kernels import (
     add_seeds, linearize_brightness, local_colors)
 from color_stereo_ros.core.surface.trust_kernels import (
@@ -532,13 +533,28 @@ def test_the_quality_of_the_fit_is_sampled():
     row, column = np.mgrid[:SHAPE[0], :SHAPE[1]]
     shape[0] = -4 + 0.1 * row + 0.2 * np.sin(column / 3) * row  # known in the frame, too
     shape[0][20:22, 20:30] = np.nan
-    samples = np.full((3, 3, 10), np.nan, F4)
+    samples = np.full((4, 3, 10), np.nan, F4)
     sample_quality(shape[0], weight, moment, variance, F4(3), 4, samples)
     expected = naive.sample_quality(shape[0].astype(float), weight.astype(float),
                                     moment.astype(float), variance.astype(float), 3.0, 4,
                                     samples.shape[1:])
     assert 0.2 < expected[2].mean() < 0.95
     np.testing.assert_allclose(samples, expected, rtol=1e-3, atol=1e-3)
+
+
+def test_nodes_beside_steps_lose_log_odds():
+    rng = np.random.default_rng(57)
+    d = planes(58, jump=2.0)[0]
+    d[rng.random(SHAPE) < 0.1] = np.nan
+    rough = rng.choice([0, 0.5, 1], (ROWS, COLUMNS)).astype(F4)
+    odds = rng.choice([-200, 0, 1.5, 3, 8], SHAPE).astype(F4)
+    before = odds.copy()
+    lower_beside_steps(d, rough, ROWS, COLUMNS, F4(1), F4(2), F4(2.5), F4(1.9), odds)
+    expected = naive.lower_beside_steps(d.astype(float), rough.astype(float), 1, 2, 2.5, 1.9,
+                                        before.astype(float))
+    np.testing.assert_allclose(odds, expected, rtol=1e-5, atol=1e-5)
+    assert 0.1 < np.mean(odds[INNER] < before[INNER]) < 0.9
+    assert odds[INNER][before[INNER] > 1.9].min() >= F4(1.9)
 
 
 @pytest.mark.parametrize('change', [

@@ -330,7 +330,10 @@ def test_a_missing_model_is_refused():
 
 def test_all_models_that_ship_are_in_the_tuning():
     shipped = {path.stem for path in fitted.MODELS.glob('*.yaml')}
-    assert shipped == {'trust', 'slow', 'spread', 'period', 'third'}
+    assert shipped == {'trust', 'slow', 'spread', 'period', 'third', 'steps', 'temper', 'quality'}
+    assert TUNING.steps.odds == fitted.load_model('steps')['odds']
+    assert TUNING.trust.rough_odds == fitted.load_model('temper')['rough_odds']
+    assert TUNING.quality.pull_gain == fitted.load_model('quality')['pull_gain']
     assert TUNING.trust.form == fitted.load_model('trust')['form']
     assert third.TUNING.odds.firm == fitted.load_model('third')['firm']
     assert slow(4)['trust.odds_offset'].value == fitted.load_model('slow')['odds_offset']

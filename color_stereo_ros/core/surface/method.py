@@ -51,6 +51,7 @@ from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .quality import Quality
 from .rows import RowTracker
+from .steps import Steps
 from .texture import colors_of, colors_show, detail, TextureSearch
 from .third.following import Follower
 from .third.view import ThirdView
@@ -101,6 +102,7 @@ class SurfaceMethod:
         self.bends = Bends(grid, tuning.bends, arena)
         self.quality = Quality(grid, tuning.quality, arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
+        self.steps = Steps(grid, tuning)
         self.rows = RowTracker(grid, tuning, arena)
         choice = settings.matching.row_alignment
         self.aligner = None if choice == 'off' else Aligner(
@@ -123,6 +125,7 @@ class SurfaceMethod:
         color_matrix(views, planes, F4(1), self.tuning)
         self.bends.unbend(solver.linearized, views, planes, PairModel.neutral(views), solver,
                           planes.tiles[:1], np.ones(1, F4), self.linearize)
+        self.steps.lower(planes, self.trust.verdict, self.steps.roughness(self.quality), 0.0)
 
     def warm_brightness(self):
         """Run the kernels of pairs whose brightness counts: the black pair shows no detail."""
@@ -178,6 +181,8 @@ class SurfaceMethod:
         self.bend(views, planes, pair, clock)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
                                    self.brightness.light(views.left), self.uneven(planes))
+        if self.settings.matching.refinements:
+            self.steps.doubt(planes, verdict, self.quality)
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
         self.make_std_true(verdict, planes, alignment)

@@ -20,7 +20,7 @@ class Quality:
 
     Attributes
     ----------
-    samples : numpy.ndarray, float32, shape (3, h, w)
+    samples : numpy.ndarray, float32, shape (4, h, w)
         See `quality_kernels.sample_quality`.
 
     """
@@ -29,7 +29,7 @@ class Quality:
         """Allocate the samples."""
         self.grid, self.tuning = grid, tuning
         shape = (max(1, count // tuning.step) for count in grid.nodes)
-        self.samples = arena.zeros((3, *shape), F4)
+        self.samples = arena.zeros((4, *shape), F4)
 
     def sample(self, linearized, planes, reference):
         """
@@ -53,8 +53,11 @@ class Quality:
 
     def uneven(self):
         """Return ln of the mean second difference (px) around all nodes, float32."""
-        _, bend, _ = self.averages()
-        return self.at_all_nodes(np.log(np.maximum(bend, F4(self.tuning.even))))
+        return self.at_all_nodes(np.log(np.maximum(self.bend(), F4(self.tuning.even))))
+
+    def bend(self):
+        """Return the mean second difference around the samples, px, float32 (h, w)."""
+        return self.averages()[1]
 
     def averages(self):
         """
@@ -64,7 +67,7 @@ class Quality:
 
         """
         around = (self.tuning.surroundings,) * 2
-        pull, bend, share = (cv2.blur(each, around) for each in self.samples)
+        pull, bend, share = (cv2.blur(each, around) for each in self.samples[:3])
         known = np.maximum(share, F4(self.tuning.least_share))
         return pull / known, bend / known, share
 

@@ -20,12 +20,13 @@ def sample_quality(k, d, weight, moment, variance, reference, step, samples):
     """
     Measure at every step-th node how well planes fit around it.
 
-    samples, float32 (3, h, w), takes two numbers and 1, or three zeros where the disparity or
-    its surroundings are unknown. First the root of (sum of pulls)^2 over the sum of weights, both
-    over the nodes up to REACH away: 1 on average for noise as the weights say that is not shared
-    by neighbors. A pull is moment - weight d, what a node asks for beyond its plane. Second the
+    samples, float32 (4, h, w), takes two numbers, 1 and a height, or zeros where the
+    disparity or its surroundings are unknown. First the root of (sum of pulls)^2 over the sum of
+    weights, both over the nodes up to REACH away: 1 on average for noise as the weights say that
+    is not shared by neighbors. A pull is moment - weight d, what a node asks for beyond its plane. Second the
     smaller of the second differences of d over SPAN nodes along rows and along columns, px: those
-    of an error, since few surfaces bend both ways. Both are capped.
+    of an error, since few surfaces bend both ways. Both are capped. The height is the range of d over the
+    nodes up to REACH away, px.
 
     """
     first, last = band(k, samples.shape[1])
@@ -34,10 +35,13 @@ def sample_quality(k, d, weight, moment, variance, reference, step, samples):
         for column in range(samples.shape[2]):
             x = PAD + column * step + step // 2
             total, pulls = F4(0), F4(0)
+            low = high = d[y, x]
             for j in range(y - REACH, y + REACH + 1):
                 for i in range(x - REACH, x + REACH + 1):
-                    w = weight[j, i]
-                    asked = moment[j, i] - w * (d[j, i] - reference)
+                    w, near = weight[j, i], d[j, i]
+                    low = near if near < low else low
+                    high = near if near > high else high
+                    asked = moment[j, i] - w * (near - reference)
                     total += w if asked == asked else F4(0)
                     pulls += asked if asked == asked else F4(0)
             center = F4(2) * d[y, x]
@@ -50,3 +54,4 @@ def sample_quality(k, d, weight, moment, variance, reference, step, samples):
             samples[0, row, column] = min(root, PULL_CAP) if known else F4(0)
             samples[1, row, column] = min(bend, UNEVEN_CAP) if known else F4(0)
             samples[2, row, column] = F4(1) if known else F4(0)
+            samples[3, row, column] = high - low if known else F4(0)

@@ -22,6 +22,9 @@ TRUST = load_model('trust')
 SLOW = load_model('slow')
 SPREAD = load_model('spread')
 PERIOD = load_model('period')
+STEPS = load_model('steps')
+TEMPER = load_model('temper')
+QUALITY = load_model('quality')
 
 
 @dataclass(frozen=True)
@@ -748,21 +751,53 @@ class QualityTuning(Constants):
         4.0, 'px^2', 'Variance from which a plane says nothing.',
         chosen('A standard deviation of 2 px.'), compiled=True)
     pull_gain: float = constant(
-        5.0, '1', 'Factor of the variance per squared mean root pull where the second difference '
-        'is 1 px; 0: variances stay.',
-        chosen('Maximum likelihood (robust: a Student distribution) of the errors of 130 pairs: '
-               'four scenes, 35 disturbances and patterns. |error| / std at 68 %, 18 of 20 pairs: '
-               '.82 to 1.39; before .64 to 1.34; smallest one .74 instead of .45.'))
+        QUALITY['pull_gain'], '1', 'Factor of the variance per squared mean root pull where the '
+        'second difference is 1 px; 0: variances stay.',
+        QUALITY.provenance('pull_gain'))
     factor_limits: tuple = constant(
         (0.02, 200.0), '1', 'Smallest and largest factor of the variance.',
         chosen('Crosstalk in one camera asks for .06; the largest is far from any pair.'))
     uneven_power: float = constant(
-        0.33, '1', 'Power of the mean second difference, px, in that factor.',
-        chosen('Found with `pull_gain`. Scatter of the logarithm of |error| / std at 68 % over '
-               'these pairs: .20, without it .29; over five parts of a pair .27, .40.'))
+        QUALITY['uneven_power'], '1', 'Power of the mean second difference, px, in that factor.',
+        QUALITY.provenance('uneven_power'))
     even: float = constant(
         0.02, 'px', 'Smallest mean second difference that counts.',
         chosen('Noise of large planes; .01 and .05 scatter as much.'))
+
+
+@dataclass(frozen=True)
+class StepTuning(Constants):
+    """Doubt about ranges beside steps of the disparity."""
+
+    heights: tuple = constant(
+        (1.0, 2.0), 'px', 'Range of the disparity over 5 x 5 nodes from which a node loses '
+        'log-odds, and from which it loses all.',
+        chosen('Wrong ranges of confidence above .9: medians of 3.2 to 3.8 px, right ones .2 px '
+               '(effector_bin, ambient light, blur of both, gray). Log-odds of 2.5 to 3: 10 % '
+               'wrong beside steps, 1 % elsewhere.'))
+    largest_height: float = constant(
+        8.0, 'px', 'Height of a step from which it does not tell how much a pair says.',
+        chosen('Nodes at the borders of objects are wrong in any pair.'))
+    rough_bends: tuple = constant(
+        (0.2, 0.4), 'px', 'Mean second difference around a node from which steps begin to count, '
+        'and from which they count fully.',
+        chosen('A tilted board has differences without steps. tilt_30, motion of one view, share '
+               'of right ranges above .9: 0 without it, .7 with it, .85 without this doubt.'))
+    least_odds: float = constant(
+        0.4, '1', 'Log-odds of the nodes that tell how much a pair says.',
+        derived('Those of `matching.min_confidence`.'))
+    usual_odds: tuple = constant(
+        (3.4, 4.0), '1', 'Median of the log-odds beside steps up to which all is lost, and from '
+        'which nothing.',
+        chosen('Clean pairs of six scenes have 4.0 to 7; blur, compression, gray 1.5 to 3.7.'))
+    least_samples: int = constant(
+        30, '1', 'Samples beside steps below which nothing is doubted.',
+        chosen('A median of fewer is chance.'))
+    odds: float = constant(
+        STEPS['odds'], '1', 'Log-odds that are lost.', STEPS.provenance('odds'))
+    kept_odds: float = constant(
+        1.9, '1', 'Log-odds that every node keeps: a confidence of .87.',
+        derived('Below .9, and above every usual `matching.min_confidence`: no range is lost.'))
 
 
 @dataclass(frozen=True)
@@ -978,18 +1013,16 @@ class TrustTuning(Constants):
         1.4, '1', 'Log-odds that such a node keeps: a confidence of .8.',
         chosen('Without it .02 fewer right ranges.'))
     tempered_odds: float = constant(
-        -0.33, '1', 'Log-odds where the second difference is 1 px and other evidence says '
-        'nothing, unless colors are aperiodic.',
-        chosen('Logistic regression on 110 pairs: six scenes under ten patterns named unknown, '
-               'sines and sweeps. Wrong of those above .9, effector_bin, mean of 19 pairs: 9.5 -> '
-               '5 %. The same weights hold for gray pairs and slow colors, '
-               'which were left out.'))
+        TEMPER['tempered_odds'], '1', 'Log-odds where the second difference is 1 px and other '
+        'evidence says nothing, unless colors are aperiodic.',
+        TEMPER.provenance('tempered_odds'))
     tempered_factor: float = constant(
-        0.42, '1', 'Factor of the log-odds of other evidence there.',
-        chosen('Found with `tempered_odds`: log-odds of an aperiodic pattern are too sure.'))
+        TEMPER['tempered_factor'], '1', 'Factor of the log-odds of other evidence there.',
+        TEMPER.provenance('tempered_factor'))
     rough_odds: float = constant(
-        1.1, '1', 'Log-odds that a node loses where the second difference is e times as large.',
-        chosen('Found with `tempered_odds`. Wrong planes scatter.'))
+        TEMPER['rough_odds'], '1', 'Log-odds that a node loses where the second difference is e '
+        'times as large.',
+        TEMPER.provenance('rough_odds'))
     kept_odds: float = constant(
         1.0, '1', 'Log-odds that such a node keeps: a confidence of .73.',
         chosen('Without it .01 fewer right ranges; .45: .005, since pixels lie between nodes.'))
@@ -1114,6 +1147,7 @@ class Tuning(Constants):
     planes: PlaneTuning = PlaneTuning()
     bends: BendTuning = BendTuning()
     quality: QualityTuning = QualityTuning()
+    steps: StepTuning = StepTuning()
     brightness: BrightnessTuning = BrightnessTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()

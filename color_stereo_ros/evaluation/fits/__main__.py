@@ -4,7 +4,7 @@
 import argparse
 import sys
 
-from .arguments import add_arguments, MODELS
+from .arguments import add_arguments, LIT, MODELS
 
 
 def main(argv=None):
@@ -16,9 +16,9 @@ def main(argv=None):
     for name, summary in MODELS.items():
         each = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
         add_arguments(each)
-        if name == 'third':
+        if name in LIT:
             each.add_argument('--light', metavar='FOLDER', help='fit to rendered light that '
-                              'evaluate --stress keeps; SCENE is the beginning of a folder there')
+                              'evaluate --stress keeps; SCENE begins the name of a folder there')
     args = parser.parse_args(argv)
     from .run import run  # compiles for a while, which --help should not
     return run(args.model, args)

@@ -3,11 +3,11 @@
 
 from dataclasses import dataclass
 
-from . import pairs, period, slow, spread, third, trust
+from . import pairs, period, quality, slow, spread, steps, temper, third, trust
 from .records import comparison, record, write_model
 
 FITS = {'trust': trust, 'slow': slow, 'spread': spread, 'period': period,
-        'third': third}
+        'third': third, 'steps': steps, 'temper': temper, 'quality': quality}
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ def run(name, args):
 
 def scenes_of(module, quick):
     """Return the scenes of a fit."""
-    return pairs.QUICK_SCENES if quick else getattr(module, 'SCENES', pairs.SCENES)
+    source = pairs if not hasattr(module, 'QUICK_SCENES') else module
+    return source.QUICK_SCENES if quick else getattr(module, 'SCENES', pairs.SCENES)
 
 
 def command_of(name, args):

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps: ranges beside steps of the disparity are doubted where a pair says little there."""
+
+import cv2
+import numpy as np
+
+from .grid_kernels import F4, PAD
+from .step_kernels import lower_beside_steps
+
+
+class Steps:
+    """
+    Doubts ranges of the log-odds that wrong ranges beside steps have.
+
+    A window that holds a step mixes two surfaces: its plane fits, and is off by a pixel or two.
+    Blur, noise and compression widen what is mixed, and the log-odds of a single node do not show
+    it. The pair as a whole does: its log-odds beside steps are low then.
+
+    Parameters
+    ----------
+    grid : HalfGrid
+    tuning : Tuning
+
+    """
+
+    def __init__(self, grid, tuning):
+        """Keep the constants."""
+        self.grid, self.tuning, self.step = grid, tuning.steps, tuning.quality.step
+
+    def doubt(self, planes, verdict, quality):
+        """
+        Lower verdict.log_odds beside steps, as far as the pair says little there.
+
+        Parameters
+        ----------
+        planes : PlaneField
+        verdict : Verdict
+        quality : Quality
+            Of these planes.
+
+        """
+        rough = self.roughness(quality)
+        weak = self.weakness(verdict, quality, rough)
+        if weak > 0:
+            self.lower(planes, verdict, rough, weak * self.tuning.odds)
+
+    def roughness(self, quality):
+        """
+        Return how far the surroundings of the samples of Quality are rough, float32 (h, w), 0..1.
+
+        A steep plane has large differences, too, but no steps: its second differences are small.
+
+        """
+        return np.interp(quality.bend(), self.tuning.rough_bends, (0, 1)).astype(F4)
+
+    def weakness(self, verdict, quality, rough):
+        """Return how little a pair says beside its steps, 0 .. 1; 0 where it has few steps."""
+        tuning, first = self.tuning, PAD + self.step // 2
+        heights = quality.samples[3] * rough
+        h, w = heights.shape
+        odds = verdict.log_odds[first::self.step, first::self.step][:h, :w]
+        lowest, _ = tuning.heights
+        beside = odds[(odds > F4(tuning.least_odds)) & (heights > F4(lowest))
+                      & (heights < F4(tuning.largest_height))]
+        if beside.size < tuning.least_samples:
+            return 0.0
+        return float(np.interp(np.median(beside), tuning.usual_odds, (1, 0)))
+
+    def lower(self, planes, verdict, rough, lost):
+        """Lower verdict.log_odds beside steps by up to lost; rough: see `roughness`."""
+        rows, columns = self.grid.nodes
+        low, high = self.tuning.heights
+        lower_beside_steps(
+            planes.d, cv2.resize(rough, (columns, rows), interpolation=cv2.INTER_LINEAR), rows,
+            columns, F4(low), F4(high), F4(lost), F4(self.tuning.kept_odds), verdict.log_odds)

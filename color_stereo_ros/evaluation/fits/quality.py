@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fit the variance of planes to how well they fit around (models/quality.yaml)."""
+
+import numpy as np
+
+from ...core.constants import replaced
+from ...core.pipeline import KERNELS, Stopwatch
+from ...core.surface.trust_kernels import APART, STD_PER_DISTANCE, VARIANCE_FACTOR
+from . import disturbed
+from .nodes import method_with, pattern_tuning
+from .regression import equal_shares
+
+SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
+CASES = 'none', *disturbed.APERIODIC, *disturbed.DETAILED
+FREEDOM = 4.0    # of the Student distribution: errors beyond are wrong planes, no noise
+GAINS = np.geomspace(0.5, 50, 81)
+POWERS = np.linspace(0, 1, 41)
+SPREAD = 68      # %: 1 is an honest |error| / standard deviation there
+RIGHT = 1.0      # px
+
+
+def pairs_of(scenes, options):
+    """Return the pairs of this fit: every scene under every disturbance of CASES."""
+    return disturbed.lit_pairs(scenes, CASES, options)
+
+
+def fit(pairs, options):
+    """Fit to pairs, see `trust.fit`; returns `pull_gain` and `uneven_power`."""
+    samples = [samples_of(pair) for pair in options.progress(pairs)]
+    gain, power = fitted_factor(samples)
+    return ({'pull_gain': round(gain, 2), 'uneven_power': round(power, 2)},
+            [f'{pair.name}: |error| / std at {SPREAD} % {spread(each, gain, power):.2f}'
+             for pair, each in zip(pairs, samples) if len(each)])
+
+
+def samples_of(pair):
+    """
+    Return what is known of the right ranges of a pair, float64 (N, 5).
+
+    Error (px), variance of the plane before it is corrected (px^2), standard deviation by the
+    distance of the neighbors (px), mean root pull and mean second difference (px) around.
+
+    """
+    method = method_with(pair, replaced(pattern_tuning(pair), {'quality.pull_gain': 0.0}))
+    with KERNELS:
+        method.measure(pair.left, pair.right, Stopwatch())
+    planes, trust, quality = method.planes, method.trust, method.quality
+    pull, bend, share = quality.averages()
+    step, grid = quality.tuning.step, trust.grid
+    inner = grid.inner
+    h, w = share.shape
+    thinned = np.s_[step // 2::step, step // 2::step]
+
+    def at(nodes):
+        return nodes[thinned][:h, :w].astype(float)
+
+    rows, columns = grid.nodes
+    at_nodes = np.s_[:2 * rows:2, :2 * columns:2]
+    lean = at(planes.a[inner]) + at(planes.b[inner])
+    error = at(planes.d[inner]) - 0.25 * lean - at(pair.disparity[at_nodes])
+    used = (at(pair.visible[at_nodes]) > 0) & (np.abs(error) <= RIGHT)
+    used &= at(trust.verdict.log_odds[inner]) >= trust.least_odds
+    used &= (share >= quality.tuning.least_share) & np.isfinite(at(planes.variance[inner]))
+    apart = STD_PER_DISTANCE * at(trust.evidence[APART]) ** 2
+    bend = np.maximum(bend, quality.tuning.even)
+    return np.stack([error, at(planes.variance[inner]), apart, pull, bend], axis=-1)[used]
+
+
+def deviation(samples, gain, power):
+    """Return the standard deviations, px, of `samples_of` under a factor of the variance."""
+    _, variance, apart, pull, bend = samples.T
+    return np.sqrt(VARIANCE_FACTOR * variance * gain * bend ** power * pull ** 2 + apart ** 2)
+
+
+def fitted_factor(samples):
+    """Return gain and power of the largest likelihood of a Student distribution; pairs alike."""
+    share = equal_shares([len(each) for each in samples])
+    every = np.concatenate(samples)
+
+    def likelihood(gain, power):
+        std = np.maximum(deviation(every, gain, power), 1e-6)
+        return share @ (-np.log(std) - (FREEDOM + 1) / 2 * np.log1p(
+            (every[:, 0] / std) ** 2 / FREEDOM))
+
+    found = [(likelihood(gain, power), gain, power) for gain in GAINS for power in POWERS]
+    _, gain, power = max(found)
+    return float(gain), float(power)
+
+
+def spread(samples, gain, power):
+    """Return |error| / standard deviation at SPREAD %."""
+    return float(np.percentile(np.abs(samples[:, 0]) / deviation(samples, gain, power), SPREAD))
