@@ -57,6 +57,7 @@ EVIDENCE = ('two', 'third', 'witness', 'contested_two', 'contested_third', 'dim'
             'farther')
 OWN_EVIDENCE = 'cost', 'misfit', 'sigma', 'apart'
 AGREE, FIRM, APART = 1, 2, 3
+APART_OF_NEIGHBORS = OWN_EVIDENCE.index('apart')
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +132,30 @@ class Fusion:
         weigh_forms(self.own, treated.view(np.uint8), self.own_form, odds)
         return np.clip(odds, F4(low), F4(high), out=odds)
 
-    def alone(self, planes, odds, std, lit, left):
+    def std(self, planes, geometry):
+        """
+        Return standard deviations of planes of the third view, px, float32 framed.
+
+            sigma^2 = variance_factor v + (std_per_distance x)^2 + geometry
+
+        v is the variance of the least squares, x the distance of the neighbors; reads `own`.
+
+        Parameters
+        ----------
+        planes : PlaneField
+        geometry : numpy.ndarray, float32, shape (rows, columns)
+            Variance by the projector's geometry, px^2.
+
+        """
+        tuning, inner = TUNING.spread, self.grid.inner
+        distance = self.own[APART_OF_NEIGHBORS] * self.own[APART_OF_NEIGHBORS]
+        rough = F4(tuning.std_per_distance) * distance
+        std = np.full(self.grid.shape, np.nan, F4)
+        std[inner] = np.sqrt(F4(tuning.variance_factor) * planes.variance[inner]
+                             + rough * rough + geometry)
+        return std
+
+    def alone(self, planes, odds, geometry, lit, left):
         """
         Return the Fused of left camera and projector alone.
 
@@ -139,8 +163,8 @@ class Fusion:
         ----------
         planes : PlaneField
         odds : numpy.ndarray, float32, shape (rows, columns)
-        std : numpy.ndarray, float32, framed
-            px.
+        geometry : numpy.ndarray, float32, shape (rows, columns)
+            As for `std`.
         lit : numpy.ndarray, bool, framed
         left : View
 
@@ -159,7 +183,8 @@ class Fusion:
         reason[left.peak < 0] = Status.OUTSIDE_IMAGE
         views = np.full(grid.shape, PROJECTOR, np.uint8)
         return Fused(FusedPlanes(grid, planes.d, planes.a, planes.b),
-                     Verdict(std, log_odds, reason), views, np.ones(grid.shape, bool))
+                     Verdict(self.std(planes, geometry), log_odds, reason), views,
+                     np.ones(grid.shape, bool))
 
     def write_contested(self, found, planes):
         """Write for both planes the odds of another surface at the same place of the pattern."""
@@ -216,11 +241,12 @@ class Fusion:
         inner, grid, use = self.grid.inner, self.grid, TUNING.use
         everywhere = np.zeros(grid.shape, bool)
         everywhere[inner] = takes_third
-        d, a, b = (np.where(everywhere, third, two) for third, two in zip(
+        d, a, b = (np.where(everywhere, other, two) for other, two in zip(
             (found.planes.d, found.planes.a, found.planes.b), (planes.d, planes.a, planes.b)))
         std, log_odds, reason = (each.copy() for each in (
             verdict.std, verdict.log_odds, verdict.reason))
-        std[everywhere] = found.std[everywhere]
+        third = self.std(found.planes, F4(TUNING.spread.geometry_share) * found.geometry)
+        std[everywhere] = third[everywhere]
         log_odds[inner] = odds
         log_odds[:, PAD - 1] = log_odds[:, PAD]
         log_odds[:, PAD + grid.columns] = log_odds[:, PAD + grid.columns - 1]
