@@ -12,7 +12,7 @@ PERIOD = 1.0
 
 
 class ProjectorNews:
-    """Tells when the projector of a pair is worth a message: where it is new, and not too often."""
+    """Tells when the projector of a pair is worth a message: where it is new, not too often."""
 
     def __init__(self):
         self._model, self._last = None, float('-inf')

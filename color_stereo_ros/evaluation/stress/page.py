@@ -20,7 +20,7 @@ COLUMNS = (
     ('median', 'median_px', '{:.3f}', 1, 'median error of these, px'),
     ('false', 'false', '{:.2f}', 100, 'ranges where at most one camera sees a lit surface, % of '
      'all ranges'),
-    ('false-wr', 'false_wrong', '{:.2f}', 100, 'those of them that are off by more than 1 px, too, '
+    ('false-wr', 'false_wrong', '{:.2f}', 100, 'those of them that are off by more than 1 px, '
      '% of all ranges'),
     ('cover', 'cover', '{:.3f}', 1, 'share of the lit pixels of the left camera that are right, '
      'whether the right camera sees them or not'),
