@@ -13,6 +13,8 @@ WIDTH, HEIGHT = 320, 240
 PATTERN = PatternSettings(width=512, height=384, feature_size=9.0)
 WALL, PLATE = 0.5, 0.4         # m
 EDGES = (-0.06, 0.05, -0.05, 0.06)  # left, right, upper and lower edge of the plate, m
+PHOTO = -0.13, -0.07, -0.06, 0.06   # left, right, upper and lower edge of a photograph, m
+MIRROR = 0.16                  # m, right of the left camera: a mirror along its axis
 SAMPLES = 2                    # per pixel and direction
 CALIBRATION = rig(WIDTH, HEIGHT)
 LIMITS = FOCAL * BASELINE / 0.6, FOCAL * BASELINE / 0.34
@@ -50,8 +52,25 @@ def free(points, eye, plate=True):
     return (points[..., 2] < (PLATE + WALL) / 2) | ~on_plate(crossing) | (not plate)
 
 
-def light(eye_x, pattern, model, paint, plate=True):
-    """Return what a camera sees, float64 (H, W, 3), 0..1; paint: factors of the plate, RGB."""
+def photographed(points, pattern):
+    """Return the albedo of points of the wall on which a photograph of the pattern lies."""
+    left, right, upper, lower = PHOTO
+    height, width = pattern.shape[:2]
+    x = ((points[..., 0] - left) / (right - left) * width).astype(int)
+    y = ((points[..., 1] - upper) / (lower - upper) * height).astype(int)
+    there = (points[..., 2] > (PLATE + WALL) / 2) & (x >= 0) & (y >= 0) & (x < width) & (
+        y < height)
+    return np.where(there[..., None],
+                    pattern[np.where(there, y, 0), np.where(there, x, 0)] / 255, 1.0)
+
+
+def light(eye_x, pattern, model, paint, plate=True, photo=False):
+    """
+    Return what a camera sees, float64 (H, W, 3), 0..1.
+
+    paint: factors of the plate, RGB; photo: a photograph of the pattern lies on the wall.
+
+    """
     offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
     x, y = np.meshgrid(np.add.outer(np.arange(WIDTH), offsets).ravel(),
                        np.add.outer(np.arange(HEIGHT), offsets).ravel())
@@ -61,6 +80,8 @@ def light(eye_x, pattern, model, paint, plate=True):
                      v.astype(np.float32), cv2.INTER_CUBIC).clip(0)
     seen = seen * free(points, model.center, plate)[..., None]
     seen = np.where((points[..., 2] < (PLATE + WALL) / 2)[..., None], seen * paint, seen)
+    if photo:
+        seen = seen * photographed(points, pattern)
     return seen.reshape(HEIGHT, SAMPLES, WIDTH, SAMPLES, 3).mean(axis=(1, 3))
 
 
@@ -77,24 +98,45 @@ def shown(seed, what):
     return pattern
 
 
-def moved(x=0.0, y=0.0, z=0.0):
-    """Return the projector after it was moved by some m."""
-    return projector().but(translation=projector().translation + [x, y, z])
+def moved(x=0.0, y=0.0, z=0.0, turn=(0.0, 0.0, 0.0)):
+    """Return the projector after it was moved by some m, and turned by some radians."""
+    rotation = cv2.Rodrigues(np.array(turn))[0]
+    model = projector()
+    return model.but(rotation=rotation @ model.rotation,
+                     translation=rotation @ model.translation + [x, y, z])
+
+
+def others(what):
+    """Return what lights the scene beside the projector: (share of the light, ProjectorModel)."""
+    if what == 'two':
+        rotation = cv2.Rodrigues(np.array([0.1, 0.12, 0.0]))[0]
+        return [(0.7, projector().but(rotation=rotation,
+                                      translation=-rotation @ np.array([-0.08, 0.05, 0.0])))]
+    if what == 'mirror':  # what the mirror reflects comes from a projector behind it
+        model, flip = projector(), np.diag([-1.0, 1.0, 1.0])
+        return [(0.7, model.but(
+            rotation=model.rotation @ flip,
+            translation=model.translation + model.rotation @ [2 * MIRROR, 0, 0]))]
+    return []
 
 
 @lru_cache(maxsize=16)
 def pair(seed=PATTERN.seed, paint=(1.0, 1.0, 1.0), noise=1, what='pattern', shift=(0.0, 0.0, 0.0),
-         plate=True):
+         plate=True, turn=(0.0, 0.0, 0.0)):
     """
     Return left and right image, uint8 (H, W, 3), under the pattern of a seed.
 
-    what: 'pattern', 'mirrored' or 'menu'; shift: by which the projector was moved, m; plate:
-    whether it is there.
+    what: 'pattern', 'mirrored', 'menu', 'two' (projectors), 'mirror' (beside the scene) or
+    'photo' (of the pattern, on the wall); shift, turn: by which the projector was moved, m, and
+    turned, radians; plate: whether it is there.
 
     """
-    pattern = shown(seed, what)
+    pattern, paint = shown(seed, what), np.array(paint)
     rng = np.random.default_rng(noise)
-    return tuple(exposed(light(eye, pattern, moved(*shift), np.array(paint), plate), rng)
+    lamps = [(1.0, moved(*shift, turn)), *others(what)]
+    return tuple(exposed(sum(share * light(eye, pattern, lamp, paint, plate, what == 'photo')
+                             for share, lamp in lamps) / max(1.0, sum(
+                                 share for share, _ in lamps)), rng)
                  for eye in (0.0, BASELINE))
 
 

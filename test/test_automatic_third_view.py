@@ -4,6 +4,7 @@
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.projector import Reason, Track
 from color_stereo_ros.core.projector.tuning import TUNING
+from color_stereo_ros.core.rows import search as rows_search
 import numpy as np
 from projected import CALIBRATION, pair, truth
 import pytest
@@ -174,3 +175,37 @@ def test_the_left_camera_alone_measures_nothing_after_a_large_move(rig, known):
     result = rig.process_left(pair(noise=2, shift=FARTHER)[0], projector=known)
     assert result.density == 0.0 and not result.views.any() and not result.confidence.any()
     assert not result.projector.agreeing
+
+
+@pytest.mark.parametrize('before', [False, True])
+@pytest.mark.parametrize('what', ['two', 'mirror', 'photo'])
+def test_light_that_is_not_of_one_projector_is_never_silently_wrong(rig, known, what, before):
+    result = rig.process(*pair(what=what), projector=known if before else Track())
+    assert wrong(result) < 0.01
+
+
+@pytest.mark.parametrize('move', [
+    {'turn': (0.0, 0.05, 0.02)}, {'turn': (0.01, 0.0, 0.0)},
+    {'shift': (0.02, -0.01, 0.01), 'turn': (0.02, 0.03, 0.0)}])
+def test_a_projector_that_was_turned_is_found_again_within_two_pairs(rig, known, move):
+    first = rig.process(*pair(**move), projector=known)
+    second = rig.process(*pair(noise=2, **move), projector=first.projector)
+    assert wrong(first) < 0.01 and wrong(second) < 0.01
+    assert second.projector.agreeing and (second.views == 2).any()
+
+
+def test_a_pattern_that_was_changed_for_a_pair_does_no_harm(rig, known):
+    changed = rig.process(*pair(seed=99), projector=known)
+    assert changed.projector.reason is Reason.ABSENT and wrong(changed) < 0.01
+    again = rig.process(*pair(noise=2), projector=changed.projector)
+    assert wrong(again) < 0.01
+    last = rig.process(*pair(noise=3), projector=again.projector)
+    assert last.projector.agreeing and wrong(last) < 0.01
+
+
+def test_the_pattern_tells_the_rows_where_the_views_have_nothing_in_common(rig, monkeypatch):
+    left, right = pair()
+    lower = np.roll(right, 12, axis=0)
+    monkeypatch.setattr(rows_search, 'matches', lambda pair: (*np.zeros((2, 0, 2)), 0))
+    found = rig.search_rows(left, lower)
+    assert found.coefficients[0] == pytest.approx(12, abs=0.3)

@@ -13,8 +13,9 @@ from types import SimpleNamespace
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ColorStereo, Settings
 from color_stereo_ros.core.false_color import (false_color, range_limits, STATUS_COLORS,
-                                               status_picture)
-from color_stereo_ros.core.legends import with_scale_bar, with_status_legend
+                                               status_picture, views_picture)
+from color_stereo_ros.core.legends import (with_scale_bar, with_status_legend,
+                                           with_views_legend)
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.files.claim import held
 from color_stereo_ros.demo import page as page_module
@@ -235,6 +236,15 @@ def test_one_page_has_one_color_for_one_depth():
         np.testing.assert_array_equal(depth[:, :WIDTH], false_color(card.result.depth, *limits))
         np.testing.assert_array_equal(pictures[7 * index + 4], status_picture(card.result.status))
     assert page.count('near = yellow ({:.3f} m), far = violet ({:.3f} m)'.format(*limits)) == 5
+
+
+def test_the_page_shows_who_saw_a_pixel_where_the_projector_was_a_view():
+    card = measured('card', 'surface', 0.0)
+    views = np.where(card.result.status == Status.VALID, np.uint8(3), np.uint8(0))
+    seen = replace(card, result=replace(card.result, views=views))
+    plain, page = (page_module.make_page([item], '', '') for item in (card, seen))
+    assert 'views/image' not in plain and 'Who saw a pixel' in page
+    np.testing.assert_array_equal(embedded(page)[5], with_views_legend(views_picture(views)))
 
 
 def test_the_page_explains_its_words_and_colors_where_they_stand():

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+import projected
 import pytest
 
 from color_stereo_ros.cli import main as cli
@@ -238,6 +239,30 @@ def test_the_sample_recordings_are_whole(scene):
 
 def test_the_sample_is_at_most_eight_megabytes():
     assert sum(path.stat().st_size for path in SAMPLE.rglob('*') if path.is_file()) <= 8e6
+
+
+def test_a_conversion_with_a_third_view_tells_who_saw_what_and_where_the_projector_is(tmp_path):
+    with write_recording(tmp_path / 'lit') as writer:
+        for index in range(2):
+            writer.write_pair((1 + index) * SECOND, *projected.pair(noise=1 + index),
+                              projected.CALIBRATION)
+    near, far = (projected.CALIBRATION.geometry.focal_baseline / disparity
+                 for disparity in projected.LIMITS[::-1])
+    pattern = projected.PATTERN
+    assert cli.main([
+        'convert', str(tmp_path / 'lit'), str(tmp_path / 'result'), '--matching.third_view',
+        'automatic', '--pattern.width', str(pattern.width), '--pattern.height',
+        str(pattern.height), '--pattern.feature_size', str(pattern.feature_size),
+        '--range.min_depth', str(near), '--range.max_depth', str(far)]) in (0, None)
+    with Recording(tmp_path / 'result') as recording:
+        assert recording.counts == {'/points': 2, '/depth/image': 2, '/depth/camera_info': 2,
+                                    '/views/image': 2, '/projector/camera_info': 2}
+        assert recording.latched == {'/projector/camera_info'}
+        last = {message.topic: recording.decoded(message) for message in recording.messages()}
+    views = np.frombuffer(last['/views/image'].data, np.uint8)
+    assert np.mean(views & 2 > 0) > 0.5
+    np.testing.assert_allclose(np.reshape(last['/projector/camera_info'].k, (3, 3)),
+                               projected.projector().camera_matrix, atol=8)
 
 
 def test_a_sample_made_again_holds_the_same(tmp_path, recorded, calibration, images):

@@ -328,6 +328,10 @@ def test_the_undisturbed_rig_is_the_first_case_and_quick_takes_the_hardest():
     assert cases_of(plan) == [Case('none', 1), Case('roll', 0.1), Case('roll', 0.25),
                               Case('roll', 0.5)]
     assert cases_of(StressPlan.quick(only=('roll',)))[1:] == [Case('roll', 0.5)]
+    assert cases_of(StressPlan(only=('roll=0.3', 'jpeg=50')))[1:] == [
+        Case('roll', 0.3), Case('jpeg', 50)]
+    with pytest.raises(ColorStereoError, match="the level 'much' is no number"):
+        cases_of(StressPlan(only=('roll=much',)))
 
 
 def test_the_patterns_of_the_projector_are_images():
@@ -488,6 +492,17 @@ def test_an_ablation_measures_the_whole_and_every_switch(tmp_path, capsys, monke
     assert plan.variants['matching.slanted = False'] == ('surface', {'matching.slanted': False})
     table = (tmp_path / 'out/tables.txt').read_text()
     assert table in capsys.readouterr().out and 'row_alignment = off' in table.splitlines()[0]
+
+
+def test_a_variant_of_a_method_is_measured_with_its_settings():
+    plan = StressPlan(methods=('surface', 'surface+third', 'surface+two'), only=('rows=1',),
+                      values={'matching.refinements': 1})
+    matchers = StressTest(plan, [scene()])._matchers(StressRig(), scene(), 1)
+    used = [match.__self__ for _, match, _ in matchers]
+    assert [each.settings.matching.third_view for each in used[1:]] == ['automatic', 'off']
+    assert {each.settings.matching.refinements for each in used} == {1}
+    assert 'matching.third_view' not in switches('surface+third')
+    assert set(switches('surface+two')) <= set(switches('surface'))
 
 
 def test_the_example_of_an_own_disturbance_works():

@@ -4,13 +4,12 @@
 SUMMARY = 'measure every pair of a recording and write the outputs as a recording'
 NEEDS = '[tools]'
 
-DEFAULT_TOPICS = ('points', 'depth/image', 'depth/camera_info')
-
 
 def add_arguments(parser):
     """Declare the arguments."""
     from ..messages.outputs import OUTPUTS
     from ..parameters.groups import RangeNodeSettings
+    from ..recordings.offline import DEFAULT_TOPICS, VIEWS
     from ..recordings.topics import OPTIONS
     from .arguments import add_settings_arguments
     parser.add_argument('recording', help='rosbag2 folder, a single .mcap or .db3 file, or a '
@@ -23,9 +22,10 @@ def add_arguments(parser):
                                       'camera_info of the right camera')):
         parser.add_argument(option, metavar='TOPIC', help=f'topic of the {what}, where the '
                             'recording has another name than range_node expects')
-    parser.add_argument('--topics', nargs='+', choices=list(OUTPUTS), default=list(DEFAULT_TOPICS),
-                        metavar='TOPIC', help=f'outputs of range_node to write, of '
-                        f'{", ".join(OUTPUTS)} (default {" ".join(DEFAULT_TOPICS)})')
+    parser.add_argument('--topics', nargs='+', choices=list(OUTPUTS), metavar='TOPIC',
+                        help=f'outputs of range_node to write, of {", ".join(OUTPUTS)} (default '
+                        f'{" ".join(DEFAULT_TOPICS)}; {VIEWS} where the projector may be a third '
+                        'view). projector/camera_info is written where the projector is found')
     parser.add_argument('--overwrite', action='store_true',
                         help='replace RESULT if it is a recording')
     add_settings_arguments(parser, settings=RangeNodeSettings())

@@ -74,8 +74,8 @@ def add_arguments(parser):
     parser.add_argument('--stress', action='store_true',
                         help='disturb the simulated rig as real rigs are disturbed: rows, focus, '
                              'color, light, compression and more, each in steps')
-    parser.add_argument('--only', metavar='A,B', help='with --stress: these disturbances or '
-                        'groups of them; "list" prints all')
+    parser.add_argument('--only', metavar='A,B', help='with --stress: these disturbances, '
+                        'groups of them, or one level, such as rows=1; "list" prints all')
     parser.add_argument('--scenes', metavar='A,B', help='with --stress: these scenes '
                         '(default: six of them)')
     parser.add_argument('--pairs', type=int, default=1, metavar='N',

@@ -201,7 +201,12 @@ class ColorStereo:
         return found
 
     def _searched(self, left, right):
-        return search(self._rectifier.rectify(left, right), self._limits)
+        return search(self._rectifier.rectify(left, right), self._limits,
+                      self._pairs_by_pattern if self.may_use_projector else None)
+
+    def _pairs_by_pattern(self, pair):
+        return self._tracker().finder.left_right_pairs(
+            pair.left, pair.right, (pair.left_inside, pair.right_inside))
 
     def search_rows(self, left, right):
         """

@@ -25,6 +25,7 @@ from ..core.legends import with_scale_bar, with_views_legend
 from ..core.results import RangeResult
 from ..core.settings import Settings
 from ..core.status import Status
+from ..core.surface.third.fusion import PROJECTOR
 from ..evaluation.metrics import Truth, accuracy, false_share
 from .plots import error_plot, shaded, surface_plot
 
@@ -248,6 +249,8 @@ def _section(item, limits):
     picture = with_scale_bar(false_color(item.result.depth, *limits), *limits)
     limit = max(3 * 10 * item.figures['median_percent'] * float(np.nanmedian(item.truth.depth))
                 if item.figures['median_percent'] else 1.0, 0.2)
+    views = [('', _png(with_views_legend(views_picture(item.result.views))),
+              'Who saw a pixel beside the left camera (<code>views/image</code>)')]
     figures = [_figure(*each) for each in (
         ('', item.left, 'Left camera, raw: what goes in'),
         ('', item.right, 'Right camera, raw'),
@@ -256,6 +259,7 @@ def _section(item, limits):
                             f'{_told(limits)}'),
         ('', _png(status_picture(item.result.status)), 'Why a pixel has no range '
          '(<code>status/image</code>, <code>status_picture</code>)'),
+        *(views if projected(item.result) else ()),
         ('plot', error_plot(item.error, limit), 'Measured minus true depth of the visible pixels '
          'with a range. Dark: nothing to compare'),
         ('plot', surface_plot(item.points, *limits), 'The surface in the colors of the depth '
@@ -264,6 +268,11 @@ def _section(item, limits):
     method = escape(item.method) + (', the default' if item.method == DEFAULT_METHOD else '')
     return _grid(item.name, f'Method: {method}.', item.result.status,
                  [*figures[:3], viewer, *figures[3:]])
+
+
+def projected(result):
+    """Return whether the projector was a view of some pixel."""
+    return result.views is not None and bool((result.views & PROJECTOR).any())
 
 
 def _grid(title, text, status, figures):

@@ -15,6 +15,7 @@ from ..core import RangeResult, RecordingError, StereoCalibration
 from ..core.false_color import range_limits
 from ..core.legends import with_scale_bar
 from ..core.settings import updated
+from ..core.surface.third.fusion import PROJECTOR
 from ..core.triangulation import disparity_from_depth, disparity_limits
 from ..evaluation.datasets import load_truth
 from ..files.atomic import write_bytes, write_text
@@ -35,11 +36,12 @@ from .plots import surface_plot
 
 OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
            'disparity': DisparityImage, 'range_image': Image, 'confidence/image': Image,
-           'status/image': Image, 'status_picture': Image}
+           'status/image': Image, 'status_picture': Image, 'views/image': Image}
 
 LOG = 'log'
 MARK = '.color_stereo_demo'  # says that a demo made the folder, and may remove it
 SLOWEST_START = 120.0  # s from the start of range_node to "ready", kernels loaded, not compiled
+PROJECTOR_WAIT = 15.0  # s from the first output until the projector is found, or two views count
 NOTE_EVERY = 3.0  # s between two signs that the demo goes on
 
 COMMANDS = """\
@@ -158,9 +160,26 @@ class Demo:
                        collector, patterns)
             seconds = time.monotonic() - started
             self._say(f'{name}: everything received, {seconds:.1f} s after the start')
-        messages = collector.complete_set()
+            messages = collector.complete_set()
+            if settings_of(folder).matching.third_view != 'off':
+                messages = self._with_projector(node, processes, name, collector) or messages
         collector.close()
         return messages, image_to_rgb(patterns[-1]), seconds
+
+    def _with_projector(self, node, processes, name, collector):
+        """Return the outputs of one stamp for which the projector was a view, None without."""
+        self._say(f'{name}: the projector is searched')
+
+        def seen():
+            message = collector.latest('views/image')
+            return message is not None and (float_image(message) & PROJECTOR).any()
+
+        if not spin_until(node, seen, PROJECTOR_WAIT, processes.check):
+            self._say(f'{name}: not found; two views count')
+            return None
+        collector.forget()  # a recording in a loop has its stamps again: none may be mixed
+        spin_until(node, collector.complete_set, PROJECTOR_WAIT, processes.check)
+        return collector.complete_set()
 
     def _wait(self, node, processes, name, condition, collector, patterns):
         """
@@ -263,7 +282,7 @@ def result_from(messages, calibration, settings):
     return RangeResult(
         disparity=disparity_from_depth(depth, geometry), depth=depth,
         confidence=float_image(messages['confidence/image']),
-        status=float_image(messages['status/image']),
+        status=float_image(messages['status/image']), views=float_image(messages['views/image']),
         disparity_std=np.full(depth.shape, np.nan, np.float32), image_source=color[..., 2::-1],
         geometry=geometry, disparity_limits=disparity_limits(geometry, settings.range))
 

@@ -12,7 +12,7 @@ from dataclasses import fields
 import numpy as np
 
 from ..core import ColorSettings, MatchingSettings
-from .methods import evaluate
+from .methods import evaluate, own_settings
 from .renders import default_pattern, paper_pattern
 
 KEYS = ('density', 'mean_percent', 'median_px', 'bad_1', 'false_share', 'milliseconds')
@@ -25,21 +25,22 @@ def switches(method):
     Parameters
     ----------
     method : str
-        'surface' or 'paper'.
+        'surface', 'paper' or one of `methods.VARIANTS`.
 
     Returns
     -------
     switches : dict
-        Flat name of a setting to its value when off.
+        Flat name of a setting to its value when off; not of one that the variant sets.
 
     """
-    found = {}
+    found, given = {}, own_settings(method)
     for group in (ColorSettings, MatchingSettings):
         for spec in fields(group):
             off = spec.metadata['off']
-            mine = spec.metadata['method'] in (None, method)
-            if mine and off is not None and spec.default != off:
-                found[f'{group.prefix}.{spec.name}'] = off
+            mine = spec.metadata['method'] in (None, given['matching.method'])
+            name = f'{group.prefix}.{spec.name}'
+            if mine and off is not None and spec.default != off and name not in given:
+                found[name] = off
     return found
 
 

@@ -17,6 +17,10 @@ from .noise_limit import compare, measured_noise, noise_limit, Window
 REPEATS = 3
 """A method faster than a second is run so often; the shortest time counts."""
 
+VARIANTS = {'surface+third': ('surface', {'matching.third_view': 'automatic'}),
+            'surface+two': ('surface', {'matching.third_view': 'off'})}
+"""Names of methods with settings of their own: (method, flat settings)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -31,8 +35,14 @@ class Run:
 
 
 def known_methods():
-    """Return every method that can be evaluated: those of `matching.method`, then OpenCV's."""
-    return *METHODS, *opencv_matchers.METHODS
+    """Return every method that can be evaluated: own ones, their variants, then OpenCV's."""
+    return *METHODS, *VARIANTS, *opencv_matchers.METHODS
+
+
+def own_settings(name):
+    """Return the flat settings that make the name of an own method or of a variant."""
+    method, values = VARIANTS.get(name, (name, {}))
+    return {**values, 'matching.method': method}
 
 
 def checked_methods(names):
@@ -77,7 +87,7 @@ def run_method(scene, method, values=None, repeats=REPEATS):
         result, seconds = _timed(lambda: opencv_matchers.match(method, pair, settings.range),
                                  repeats)
     else:
-        settings = Settings().updated({**flat, 'matching.method': method})
+        settings = Settings().updated({**flat, **own_settings(method)})
         stereo = ColorStereo(scene.calibration, settings)
         pair = stereo.rectify(scene.left, scene.right)
         result, seconds = _timed(lambda: stereo.process(scene.left, scene.right), repeats)
@@ -163,7 +173,7 @@ def window_of(method, settings):
         wider = 2 * round(settings.color.smoothing)
         return Window(settings.matching.window_width + wider,
                       settings.matching.window_height + wider, 'constant')
-    if method == 'surface':
+    if settings.matching.method == 'surface':
         size = 2 * (2 * WIDE_RADIUS + 1) + 1
         return Window(size, size)
     return Window(15, 15, 'constant') if method == 'bm' else Window()

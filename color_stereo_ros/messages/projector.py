@@ -7,6 +7,34 @@ from .contents import CameraInfo, Header
 
 TOPIC = 'projector/camera_info'
 FRAME = 'projector_optical_frame'
+PERIOD = 1.0
+"""s between two messages: the geometry gets a little better with every pair."""
+
+
+class ProjectorNews:
+    """Tells when the projector of a pair is worth a message: where it is new, not too often."""
+
+    def __init__(self):
+        self._model, self._last = None, float('-inf')
+
+    def model(self, track, now):
+        """
+        Return the ProjectorModel to be told, None if nothing is.
+
+        Parameters
+        ----------
+        track : Track or None
+            Of the latest pair.
+        now : float
+            s.
+
+        """
+        if track is None or not track.usable or track.model is self._model:
+            return None
+        if now - self._last < PERIOD:
+            return None
+        self._model, self._last = track.model, now
+        return self._model
 
 
 def projector_info(model, stamp):

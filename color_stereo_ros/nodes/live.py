@@ -178,6 +178,15 @@ class Collector:
                 return messages
         return None
 
+    def latest(self, topic):
+        """Return the latest message of a topic, or None."""
+        found = [messages[topic] for messages in self._by_stamp.values() if topic in messages]
+        return found[-1] if found else None
+
+    def forget(self):
+        """Start anew."""
+        self._by_stamp.clear()
+
     def close(self):
         """Unsubscribe."""
         for subscription in self._subscriptions:

@@ -14,6 +14,7 @@ from ..core.doubts import Doubts
 from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import Header, Image
 from ..messages.outputs import Context, OUTPUTS
+from ..messages.projector import projector_info, ProjectorNews, TOPIC as PROJECTOR
 from ..messages.reading import image_to_rgb, stamp_ns
 from ..messages.significant_bits import SignificantBits
 from ..messages.synchronizer import Synchronizer
@@ -21,6 +22,10 @@ from ..patience import patience
 from .reading import seconds
 from .refusals import Refusals, TOLD
 from .times import OutputTimes
+
+DEFAULT_TOPICS = 'points', 'depth/image', 'depth/camera_info'
+VIEWS = 'views/image'
+"""Joins the default topics where the projector may be a third view."""
 
 WAITING = 50
 """Pairs that wait for a calibration; older ones are given up."""
@@ -37,8 +42,8 @@ class OfflineSensor:
     writer : RecordingWriter
     topics : StereoTopics
     settings : RangeNodeSettings
-    outputs : sequence of str
-        Relative topics to write.
+    outputs : sequence of str or None
+        Relative topics to write; None = DEFAULT_TOPICS, and VIEWS under a third view.
     namespace : str or None
         Goes before the outputs; None = what the names of both images begin with.
     say : callable
@@ -53,7 +58,8 @@ class OfflineSensor:
                            else f'/{namespace}/'.replace('//', '/'))
         self._topics = topics
         self._settings = settings
-        self._wanted = list(outputs)
+        self._wanted = outputs
+        self._projector = ProjectorNews()
         self._say = say
         self._times = OutputTimes()
         self._now = 0
@@ -188,9 +194,19 @@ class OfflineSensor:
     def _write(self, result, header, time_ns):
         """Append the outputs."""
         context = Context(header, self._settings, self._watch.calibration.left.R.T)
-        for topic in self._wanted:
+        for topic in self._topics_of(result):
             content = OUTPUTS[topic].content(result, context)
             self._writer.write_content(self._namespace + topic, time_ns, content)
+        model = self._projector.model(result.projector, time_ns * 1e-9)
+        if model is not None:
+            self._writer.write_content(self._namespace + PROJECTOR, time_ns,
+                                       projector_info(model, header.stamp), latched=True)
+
+    def _topics_of(self, result):
+        """Return the outputs of a result."""
+        if self._wanted is not None:
+            return self._wanted
+        return DEFAULT_TOPICS if result.projector is None else (*DEFAULT_TOPICS, VIEWS)
 
 
 def _rgb(image, bits, topic):

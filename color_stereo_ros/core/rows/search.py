@@ -19,15 +19,20 @@ ASTRAY = ('left and right image show no common points: two different scenes, two
 UPSIDE_DOWN = 'the right image is upside down as seen from the left one: turn one camera around'
 
 
-def search(pair, limits):
+def search(pair, limits, by_pattern=None):
     """
     Search a pair for the row error.
+
+    If the points that both views show do not tell it, those tell that each view has in common
+    with the pattern: the noise of the two views does not add up.
 
     Parameters
     ----------
     pair : RectifiedPair
     limits : (float, float)
         Smallest and largest disparity, px.
+    by_pattern : callable, optional
+        Returns points of a RectifiedPair in both views, see `projector.left_right_pairs`.
 
     Returns
     -------
@@ -37,9 +42,17 @@ def search(pair, limits):
         What was found that cannot be corrected; '' if nothing.
 
     """
-    tuning = TUNING.search
     size = pair.geometry.width, pair.geometry.height
-    left, right, features = matches(pair)
+    found, sentence = told_by(*matches(pair), size, limits)
+    if found is None and by_pattern is not None:
+        left, right = by_pattern(pair)
+        found = told_by(left, right, 0, size, limits)[0]
+    return found, sentence if found is None else ''
+
+
+def told_by(left, right, features, size, limits):
+    """Return what matches tell of the rows; see `search` and `matches`."""
+    tuning = TUNING.search
     if len(left) < tuning.least_matches:
         return None, ASTRAY if features >= tuning.least_features else ''
     disparity = left[:, 0] - right[:, 0]

@@ -18,6 +18,7 @@ MODELS = Path(__file__).parent / 'models'
 FITS = 'python -m color_stereo_ros.evaluation.fits'
 NOT_KEPT = 'not recorded'
 KEYS = 'model', 'command', 'revision', 'versions', 'scenes', 'fitted', 'overrides'
+LEFT_OUT = 'left_out'  # may be missing
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class FittedModel:
     """Names of parameters to numbers or nested lists of numbers."""
     overrides: dict = field(default_factory=dict)
     """Names of parameters to {'value': ..., 'reason': ...}: set by hand."""
+    left_out: dict = field(default_factory=dict)
+    """Scenes to figures of a fit to all others; empty: not measured."""
 
     def __getitem__(self, name):
         """Return the value of a parameter that ships, lists as tuples."""
@@ -107,7 +110,7 @@ def problem_of(content):
     missing = [key for key in KEYS if key not in content]
     if missing:
         return f'{missing[0]!r} is missing'
-    unknown = [key for key in content if key not in KEYS]
+    unknown = [key for key in content if key not in (*KEYS, LEFT_OUT)]
     if unknown:
         return f'{unknown[0]!r} is not one of {", ".join(KEYS)}'
     fit, overrides = content['fitted'], content['overrides']

@@ -9,14 +9,14 @@ import numpy as np
 import yaml
 
 from ... import __version__
-from ...core.surface.fitted import FittedModel, frozen, load_model
+from ...core.surface.fitted import FittedModel, frozen, KEYS, load_model
 from ...files.atomic import write_text
 
 PACKAGES = 'numpy', 'numba', 'opencv-python-headless', 'mitsuba'
 CLOSE = 0.01  # fit and shipped value that differ by less are the same but for rounding
 
 
-def record(model, fitted, command, scenes):
+def record(model, fitted, command, scenes, left_out=None):
     """
     Return a fit as a model; what was set by hand in the one that ships stays so.
 
@@ -29,6 +29,8 @@ def record(model, fitted, command, scenes):
     command : str
         What made the fit.
     scenes : list of str
+    left_out : dict, optional
+        Scenes to figures of the fit to all others.
 
     Returns
     -------
@@ -37,7 +39,7 @@ def record(model, fitted, command, scenes):
     """
     return FittedModel(model=model, command=command, revision=revision(), versions=versions(),
                        scenes=list(scenes), fitted=fitted,
-                       overrides=dict(load_model(model).overrides))
+                       overrides=dict(load_model(model).overrides), left_out=left_out or {})
 
 
 def revision():
@@ -64,7 +66,8 @@ def versions():
 
 def write_model(path, model):
     """Write a model as a file that `load_model` reads."""
-    text = yaml.safe_dump(vars(model), sort_keys=False, default_flow_style=None, width=99)
+    content = {key: value for key, value in vars(model).items() if value or key in KEYS}
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=99)
     write_text(path, '# SPDX-License-Identifier: Apache-2.0\n' + text)
 
 

@@ -42,8 +42,8 @@ def run(name, args):
     scenes = args.scenes or scenes_of(module, args.quick)
     options = Options(args.cache, args.seed, args.quick, progress_bar,
                       getattr(args, 'light', None))
-    fitted, report = module.fit(module.pairs_of(scenes, options), options)
-    model = record(name, fitted, command_of(name, args), scenes)
+    fitted, report, *left_out = module.fit(module.pairs_of(scenes, options), options)
+    model = record(name, fitted, command_of(name, args), scenes, *left_out)
     for line in [*comparison(model), *report]:
         print(line)
     if args.output:

@@ -50,19 +50,21 @@ def fitted_spread(samples):
 
     Parameters
     ----------
-    samples : list of (error, variance, distance)
+    samples : list of (error, variance, distance) or (error, variance, distance, known)
+        Known: variance from elsewhere, px^2.
 
     """
-    error, variance, apart = (np.concatenate(part) for part in zip(*samples))
+    error, variance, apart, *known = (np.concatenate(part) for part in zip(*samples))
+    known = known[0] if known else np.zeros(len(error))
     share = equal_shares([len(each[0]) for each in samples])
     terms = np.stack([variance, apart ** 2], axis=1)
     found = np.ones(2)
     for _ in range(STEPS):
-        model = np.maximum(terms @ found, LEAST)
+        model = np.maximum(terms @ found + known, LEAST)
         score = np.abs(error) / np.sqrt(model)
         noise = score <= OUTLIER * robust_std(score)
         weighted = terms * (share * noise / model ** 2)[:, None]
-        found = np.linalg.solve(terms.T @ weighted, weighted.T @ error ** 2) / INSIDE
+        found = np.linalg.solve(terms.T @ weighted, weighted.T @ (error ** 2 / INSIDE - known))
         found = np.maximum(found, LEAST)
     return float(found[0]), float(np.sqrt(found[1]))
 

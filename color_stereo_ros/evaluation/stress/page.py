@@ -20,6 +20,10 @@ COLUMNS = (
     ('median', 'median_px', '{:.3f}', 1, 'median error of these, px'),
     ('false', 'false', '{:.2f}', 100, 'ranges where at most one camera sees a lit surface, % of '
      'all ranges'),
+    ('false-wr', 'false_wrong', '{:.2f}', 100, 'those of them that are off by more than 1 px, '
+     '% of all ranges'),
+    ('cover', 'cover', '{:.3f}', 1, 'share of the lit pixels of the left camera that are right, '
+     'whether the right camera sees them or not'),
     ('depth', 'depth_percent', '{:.3f}', 1, 'mean depth error, % of the true depth'),
     ('hi', 'hi', '{:.2f}', 100, 'wrong ones among the ranges of confidence above .9, %'),
     ('sure', 'sure', '{:.3f}', 1, 'share of the right ranges with confidence above .9'),

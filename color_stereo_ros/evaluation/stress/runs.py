@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...core import ColorStereo, Settings
+from ...core import ColorStereo, Settings, SettingsError
 from ...core.cameras.rectification import Rectifier
 from .. import opencv_matchers
 from ..ablation import switches
+from ..methods import own_settings
 from ..metrics import Truth, words
 from .disturbances import chosen, DISTURBANCES
 from .light import MAIN, QUICK
@@ -31,7 +32,7 @@ class StressPlan:
 
     scenes: tuple = MAIN
     only: tuple = ()
-    """Names and groups of disturbances; empty = all."""
+    """Names and groups of disturbances; empty = all. 'rows=1' is one level of one of them."""
     methods: tuple = METHODS
     pairs: int = 1
     """Pairs of each scene, one after the other, through one ColorStereo."""
@@ -69,12 +70,31 @@ class Case:
 
 
 def cases_of(plan):
-    """Return the cases of a plan, the undisturbed one first: every curve begins with it."""
+    """
+    Return the cases of a plan, the undisturbed one first: every curve begins with it.
+
+    Raises
+    ------
+    SettingsError
+        If a level is no number.
+
+    """
     found = [Case('none', 1)]
-    for name, entry in chosen(plan.only):
+    asked = [(name, level_of(text)) for name, _, text in (
+        each.partition('=') for each in plan.only)]
+    for name, entry in chosen([name for name, _ in asked]):
         levels = entry.levels[-1:] if plan.hardest else entry.levels
+        levels = [level for own, level in asked if own == name and level is not None] or levels
         found += [Case(name, level) for level in levels if name != 'none']
     return found
+
+
+def level_of(text):
+    """Return the level that a text names, None without a text."""
+    try:
+        return float(text) if text else None
+    except ValueError:
+        raise SettingsError(f'--only: the level {text!r} is no number') from None
 
 
 class StressTest:
@@ -158,7 +178,7 @@ class StressTest:
         def own(name):
             method, values = self.plan.variants.get(name, (name, {}))
             return ColorStereo(scene.calibration, settings.updated(
-                {**values, 'matching.method': method})).process
+                {**values, **own_settings(method)})).process
 
         return [(name, opencv(name), True) if name in opencv_matchers.METHODS else
                 (name, own(name), False) for name in self.plan.methods]

@@ -7,11 +7,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo
 
-from ...messages.projector import projector_info, TOPIC
+from ...messages.projector import projector_info, ProjectorNews, TOPIC
 from ..filling import message_of
 from ..pattern_source import latched
-
-_PERIOD = 1.0  # s, between two messages
 
 
 class ProjectorInfo:
@@ -29,7 +27,7 @@ class ProjectorInfo:
         self._publisher = node.create_publisher(
             CameraInfo, TOPIC, latched(),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
-        self._model, self._last = None, float('-inf')
+        self._news = ProjectorNews()
 
     def note(self, track, header):
         """
@@ -42,13 +40,9 @@ class ProjectorInfo:
             Whose stamp counts.
 
         """
-        if track is None or not track.usable or track.model is self._model:
-            return
-        now = time.monotonic()
-        if now - self._last < _PERIOD:
-            return
-        self._model, self._last = track.model, now
-        self._publisher.publish(message_of(projector_info(track.model, header.stamp)))
+        model = self._news.model(track, time.monotonic())
+        if model is not None:
+            self._publisher.publish(message_of(projector_info(model, header.stamp)))
 
     def destroy(self):
         """Leave the topic."""

@@ -57,6 +57,7 @@ MODEL_NAMES = 'form', 'agree', 'two_apart', 'third_apart', 'firm'
 EVIDENCE = ('two', 'third', 'witness', 'contested_two', 'contested_third', 'dim', 'nearer',
             'farther')
 OWN_EVIDENCE = 'cost', 'misfit', 'sigma', 'apart'
+APART_OF_NEIGHBORS = OWN_EVIDENCE.index('apart')
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,30 @@ class Fusion:
         weigh_forms(self.own, treated.view(np.uint8), self.own_form, odds)
         return np.clip(odds, F4(low), F4(high), out=odds)
 
-    def alone(self, planes, odds, std, lit, left):
+    def std(self, planes, geometry):
+        """
+        Return standard deviations of planes of the third view, px, float32 framed.
+
+            sigma^2 = variance_factor v + (std_per_distance x)^2 + geometry
+
+        v is the variance of the least squares, x the distance of the neighbors; reads `own`.
+
+        Parameters
+        ----------
+        planes : PlaneField
+        geometry : numpy.ndarray, float32, shape (rows, columns)
+            Variance by the projector's geometry, px^2.
+
+        """
+        tuning, inner = TUNING.spread, self.grid.inner
+        distance = self.own[APART_OF_NEIGHBORS] * self.own[APART_OF_NEIGHBORS]
+        rough = F4(tuning.std_per_distance) * distance
+        std = np.full(self.grid.shape, np.nan, F4)
+        std[inner] = np.sqrt(F4(tuning.variance_factor) * planes.variance[inner]
+                             + rough * rough + geometry)
+        return std
+
+    def alone(self, planes, odds, geometry, lit, left):
         """
         Return the Fused of left camera and projector alone.
 
@@ -140,8 +164,8 @@ class Fusion:
         ----------
         planes : PlaneField
         odds : numpy.ndarray, float32, shape (rows, columns)
-        std : numpy.ndarray, float32, framed
-            px.
+        geometry : numpy.ndarray, float32, shape (rows, columns)
+            As for `std`.
         lit : numpy.ndarray, bool, framed
         left : View
 
@@ -160,7 +184,8 @@ class Fusion:
         reason[left.peak < 0] = Status.OUTSIDE_IMAGE
         views = np.full(grid.shape, PROJECTOR, np.uint8)
         return Fused(FusedPlanes(grid, planes.d, planes.a, planes.b),
-                     Verdict(std, log_odds, reason), views, np.ones(grid.shape, bool))
+                     Verdict(self.std(planes, geometry), log_odds, reason), views,
+                     np.ones(grid.shape, bool))
 
     def write_contested(self, found, planes):
         """Write for both planes the odds of another surface at the same place of the pattern."""
@@ -202,9 +227,10 @@ class Fusion:
         weigh_forms(self.evidence, self.kind, self.two_forms, self.odds)
         weigh_forms(self.evidence, self.only_third, self.third_form, self.third_odds)
         fused, third = self.fused, found.planes
+        std = self.std(third, F4(TUNING.spread.geometry_share) * found.geometry)
         decide(self.kind, self.possible, self.evidence, self.odds, self.third_odds, self.doubts,
                planes.d, planes.a, planes.b, verdict.std, verdict.reason, third.d, third.a,
-               third.b, found.std, fused.planes.d, fused.planes.a, fused.planes.b,
+               third.b, std, fused.planes.d, fused.planes.a, fused.planes.b,
                fused.verdict.std, fused.verdict.log_odds, fused.verdict.reason, fused.views,
                fused.beyond)
         return fused

@@ -36,8 +36,8 @@ class Found:
     """bool, planes hold a measurement of the third view."""
     around: np.ndarray
     """float32, mean misfit of the third view around a node at its own plane."""
-    std: np.ndarray
-    """float32, standard deviation of the disparities of the third view, px."""
+    geometry: np.ndarray
+    """float32 (rows, columns), variance of the disparity by the projector's geometry, px^2."""
     dim: np.ndarray
     """float32 (rows, columns), log of how much brighter the known surroundings are, 0 .. 5."""
     projected: Projected
@@ -140,7 +140,8 @@ class ThirdView:
         region = self.region_of(lit & ~firm)
         self.fill(planes, firm, light, linearized, pair, region)
         return Found(self.planes, firm, witness, region & lit,
-                     self.around(self.planes.misfit), self.std(), dim, self.projected)
+                     self.around(self.planes.misfit), self.geometry_variance(), dim,
+                     self.projected)
 
     def witness(self, planes, light):
         """Return the mean misfit around the nodes at planes, from a quarter of them, float32."""
@@ -191,8 +192,9 @@ class ThirdView:
         self.fill(planes, nothing, light, self.solver.linearized, PairModel.neutral(self.views),
                   nothing)
         around = self.around(self.planes.misfit)
-        self.fusion.fuse(Found(self.planes, nothing, around, nothing, around, self.std(),
-                               self.dim(nothing), self.projected), verdict, planes)
+        self.fusion.fuse(Found(self.planes, nothing, around, nothing, around,
+                               self.geometry_variance(), self.dim(nothing), self.projected),
+                         verdict, planes)
         self.projected = self.prepared = self.last_light = None
 
     def dim(self, firm):
@@ -210,14 +212,12 @@ class ThirdView:
         return np.clip(cv2.resize(usual, self.grid.nodes[::-1]) - level, 0,
                        TUNING.use.most_dim).astype(F4)
 
-    def std(self):
-        """Return the standard deviations of the planes of the third view, px, float32 framed."""
-        variance = F4(TUNING.use.variance_factor) * self.planes.variance
+    def geometry_variance(self):
+        """Return the variance of disparities by the geometry, px^2, float32 (rows, columns)."""
         thin = 4 * self.coarse.factor
         d = self.planes.d[self.grid.inner][::thin, ::thin]
         middle = float(np.nanmedian(d)) if np.isfinite(d).any() else float(np.mean(self.limits))
-        variance[self.grid.inner] += self.projected.spread(self.geometry, middle, self.grid.nodes)
-        return np.sqrt(variance, out=variance)
+        return self.projected.spread(self.geometry, middle, self.grid.nodes)
 
     def measure_alone(self, pair):
         """
@@ -242,7 +242,7 @@ class ThirdView:
             odds = self.fusion.own_odds(self.planes, around, known_planes(self.planes))
             better = self.light(self.planes, odds > F4(TUNING.use.firm_odds))
             light = light if better is None else better
-        return self.fusion.alone(self.planes, odds, self.std(), lit, left)
+        return self.fusion.alone(self.planes, odds, self.geometry_variance(), lit, left)
 
     def light(self, planes, known):
         """Return the Light that the known nodes show, None where there are too few."""
