@@ -30,6 +30,8 @@ _CLOCK_SLACK = _NS // 4
 """ns by which /clock may lag behind itself: it stands still between two messages."""
 _TRUSTED = 16
 """So many pairs hold a fast one, even where many were held up."""
+_REMEMBERED = _NS // 2
+"""ns by which a call may be taken later than a pair that came after it."""
 _STEP = _NS // 10
 """ns by which the node's clock and the steady one disagree when the former is set."""
 
@@ -239,6 +241,12 @@ class CaptureCalls:
         over = [call for call in self.waiting if now - call.moment.steady >= timeout]
         self.waiting = [call for call in self.waiting if now - call.moment.steady < timeout]
         return over
+
+    def rest(self, now):
+        """Let go of the last pair if it is old, ns of the steady clock: no call will want it."""
+        if self._last is not None and now - self._last.moment.steady > _REMEMBERED:
+            self._settle()
+            self._last = replace(self._last, pair=None)
 
     def _settle(self):
         """Count the last pair to the flow if no call has asked for it."""
