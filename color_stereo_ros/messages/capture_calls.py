@@ -113,6 +113,10 @@ class Flow:
         silence = _SILENCE if period is None else max(_PERIODS_OF_SILENCE * period, _DELAY_LEAST)
         return steady - self._last < silence
 
+    def forget_stamp(self):
+        """Forget what the next stamp is compared with: stamps have jumped."""
+        self._stamp = None
+
     def goes_on(self, stamp, clock):
         """Tell whether a pair was exposed so soon after the last one that none is missing."""
         period = self._period(clock)
@@ -212,6 +216,8 @@ class CaptureCalls:
         flows = self.flow.is_on(arrival.moment.steady)
         self._before, self._last, self._is_asked = self._last, arrival, held and not flows
         self.relation.note(arrival.stamp, arrival.moment)
+        if self.relation.learned == 1:  # of other stamps than those before
+            self.flow.forget_stamp()
         self.flow.see(arrival)
         if held:
             return []
@@ -277,15 +283,11 @@ class CaptureCalls:
     def _basis(self, call, arrival):
         if arrival.first < call.moment.steady:
             return None
-        flows = self.flow.is_on(call.moment.steady) or self._goes_on(arrival)
         if self.relation.is_node_clock and not self.relation.dead:
-            if arrival.stamp >= call.moment.node:
-                return Basis.STAMP
-            if flows:
-                return None
+            return Basis.STAMP if arrival.stamp >= call.moment.node else None
         clock = self._clock(arrival)
         late = self._lateness(call, arrival, clock)
-        if flows:
+        if self.flow.is_on(call.moment.steady) or self._goes_on(arrival):
             sure = late >= self.flow.delay(clock) and self._is_late_by_counting(call)
             return Basis.LEARNED if sure else None
         return Basis.FIRST if late >= -(_CLOCK_SLACK if clock else _SLACK) else None

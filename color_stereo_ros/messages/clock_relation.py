@@ -63,7 +63,9 @@ class ClockRelation:
 
     def reset(self):
         """Forget what was learned."""
-        self._pairs = deque(maxlen=_KEPT)  # (arrival, stamp)
+        self._moments = deque(maxlen=_KEPT)  # of arrival
+        self._lags = deque(maxlen=_KEPT)  # by our clock, ns
+        self._node_lags = deque(maxlen=_KEPT)  # by the node's clock, ns
         self._blocks = deque(maxlen=_BLOCKS)  # (block number, arrival and lag of its fastest pair)
         self._least = self._least_node = None  # lags of the fastest pair by ours and the node's
         self.learned = 0
@@ -89,11 +91,13 @@ class ClockRelation:
             return
         if newest is not None and stamp < newest:
             self.reset()
-        while self._pairs and arrival.steady - self._pairs[0][0].steady > _OLD:
-            self._pairs.popleft()
-        self._pairs.append((arrival, stamp))
-        self._least = min(self._lags())
-        self._least_node = min(arrival.node - stamp for arrival, stamp in self._pairs)
+        while self._moments and arrival.steady - self._moments[0].steady > _OLD:
+            for kept in (self._moments, self._lags, self._node_lags):
+                kept.popleft()
+        self._moments.append(arrival)
+        self._lags.append(arrival.ours - stamp)
+        self._node_lags.append(arrival.node - stamp)
+        self._least, self._least_node = min(self._lags), min(self._node_lags)
         self.learned += 1
         self._note_block(arrival, arrival.steady - stamp)
 
@@ -114,11 +118,8 @@ class ClockRelation:
         are learned: between two of its messages the node's clock stands still.
 
         """
-        return bool(self._pairs) and not self._pairs[-1][0].simulated and (
+        return bool(self._moments) and not self._moments[-1].simulated and (
             0 <= self._least_node < _PLAUSIBLE)
-
-    def _lags(self):
-        return [arrival.ours - stamp for arrival, stamp in self._pairs]
 
     def earliest(self, stamp):
         """Return when a pair with this stamp would have arrived on the fastest path, ns of ours."""
@@ -127,10 +128,10 @@ class ClockRelation:
     @property
     def jitter(self):
         """Return by how much 90 % of the pairs were at most later than the fastest one, s."""
-        if not self._pairs:
+        if not self._lags:
             return None
         # (integers: seconds since 1970 in ns exceed what a float64 resolves)
-        late = [lag - self._least for lag in self._lags()]
+        late = [lag - self._least for lag in self._lags]
         return float(np.percentile(late, 90)) / _NS
 
     @property
@@ -141,7 +142,7 @@ class ClockRelation:
         Negative: they are behind, or under way for so long.
 
         """
-        return -self._least_node / _NS if self._pairs else None
+        return -self._least_node / _NS if self._moments else None
 
     @property
     def drift(self):
@@ -158,7 +159,7 @@ class ClockRelation:
         if self.dead:
             return ('the stamps of the cameras are zero or stand still: only the arrival of the '
                     'images tells when they were exposed')
-        if not self._pairs:
+        if not self._moments:
             return 'the clock of the cameras is unknown: no pair has arrived yet'
         learned = (f'jitter {self.jitter * 1e3:.0f} ms (learned from {self.learned} '
                    f'{"pair" if self.learned == 1 else "pairs"})')
@@ -166,7 +167,7 @@ class ClockRelation:
             return ("stamps of the cameras are of the node's clock: images arrive "
                     f'{-self.ahead * 1e3:.0f} ms after their stamp, {learned}')
         side = 'ahead of' if self.ahead > 0 else 'behind'
-        clock = '/clock' if self._pairs[-1][0].follows_clock else "the node's clock"
+        clock = '/clock' if self._moments[-1].follows_clock else "the node's clock"
         tai = ', as TAI is (PTP)' if abs(self.ahead - _TAI) < _PLAUSIBLE / _NS else ''
         return (f'stamps of the cameras are {_duration(abs(self.ahead))} {side} {clock}{tai}, '
                 f'{learned}')
