@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """~/capture over real DDS: the pair is exposed after the call, whatever clock stamps it."""
 
-from contextlib import contextmanager
 from random import Random
 import time
 
-from capture_world import Loop, NS
+from capture_rig import cameras, captured, judge, prepared, TIMEOUT
+
+from capture_world import NS
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -14,18 +15,12 @@ import pytest
 import rclpy
 from rclpy.qos import QoSProfile
 
-from ros_rig import silent_rig, values_of
-
-from rosgraph_msgs.msg import Clock
+from ros_rig import values_of
 
 from sensor_msgs.msg import Image
 
-from std_msgs.msg import Header
-
 from std_srvs.srv import Trigger
 
-TIMEOUT = 20.0
-"""capture.timeout, s: the machine may be busy."""
 RELATIONS = {
     "the node's": lambda wall: wall,
     'TAI': lambda wall: wall + 37 * NS,
@@ -37,105 +32,11 @@ RELATIONS = {
 }
 
 
-class Cameras:
-    """
-    Two cameras that say in the frame_id when they exposed, ns of `time.time`.
-
-    Parameters
-    ----------
-    rig : Rig
-    stamp : callable
-        Called with the wall clock, ns, returns the stamp.
-    period, delay : float
-        s between exposures and from exposure to sending. A period of 0 waits for `expose`.
-
-    """
-
-    def __init__(self, rig, stamp, period=0.04, delay=0.03):
-        self._rig, self._stamp = rig, stamp
-        self._period, self._delay = period, delay
-        self._next, self._on_the_way = time.monotonic(), []
-        self._timer = rig.node.create_timer(0.005, self._look)
-        rig.send_infos()
-
-    def _look(self):
-        now = time.monotonic()
-        if self._period and now >= self._next:
-            self._next = max(self._next + self._period, now)
-            self.expose()
-        while self._on_the_way and self._on_the_way[0][0] <= now:
-            _, exposed, stamp = self._on_the_way.pop(0)
-            for side in ('left', 'right'):
-                msg = self._rig.image_messages[side]
-                msg.header.frame_id = f'optical {exposed}'
-                self._rig.send_image(side, stamp, msg)
-
-    def expose(self):
-        """Take a pair now."""
-        wall = time.time_ns()
-        self._on_the_way.append((time.monotonic() + self._delay, wall, self._stamp(wall)))
-
-    def close(self):
-        """Stop."""
-        self._rig.node.destroy_timer(self._timer)
-
-
-@contextmanager
-def cameras(rig, stamp, **options):
-    """Yield Cameras that have been seen for a while."""
-    from ros_rig import image_message
-    rig.image_messages = {side: image_message(rig.images[side]) for side in ('left', 'right')}
-    found = Cameras(rig, stamp, **options)
-    try:
-        rig.spin(1.5)
-        yield found
-    finally:
-        found.close()
-
-
 @pytest.fixture(scope='module')
 def rig(tmp_path_factory):
     """Yield a rig and a node that measures on request."""
     with prepared(tmp_path_factory.mktemp('clocks')) as found:
         yield found
-
-
-@contextmanager
-def prepared(folder, **parameters):
-    """Yield a rig that hears what is acquired."""
-    with silent_rig(folder, **{'input.mode': 'capture', 'capture.timeout': TIMEOUT,
-                               **parameters}) as found:
-        found.acquired = []
-        found.node.create_subscription(Header, f'{found.target}/acquired', found.acquired.append,
-                                       QoSProfile(depth=50))
-        found.client = found.node.create_client(Trigger, f'{found.target}/capture',
-                                                qos_profile=QoSProfile(depth=1000))
-        found.spin_until(found.client.service_is_ready, 'the service')
-        found.spin_until(lambda: found.node.count_publishers(f'{found.target}/acquired'), 'topic')
-        yield found
-
-
-def captured(rig, meanwhile=lambda: None):
-    """Capture; return when the call was made, the exposure that answers, and the answer."""
-    rig.acquired.clear()
-    called = time.time_ns()
-    future = rig.client.call_async(Trigger.Request())
-    meanwhile()
-    rig.spin_until(lambda: future.done() and (rig.acquired or not future.result().success),
-                   'the answer')
-    exposed = int(rig.acquired[-1].frame_id.split()[1]) if rig.acquired else None
-    return called, exposed, future.result()
-
-
-def judge(figures, name, outcomes):
-    """Ask that all captures succeeded, each with a pair from after its call."""
-    early = [called - exposed for called, exposed, answer in outcomes
-             if answer.success and exposed < called]
-    failed = [answer.message for _, _, answer in outcomes if not answer.success]
-    figures(f'capture over DDS, {name}: pairs from before the call', len(early), 'pairs',
-            over=len(outcomes), at_most=0)
-    figures(f'capture over DDS, {name}: failures', len(failed), 'calls', over=len(outcomes),
-            at_most=0)
 
 
 @pytest.mark.parametrize('relation', RELATIONS)
@@ -146,7 +47,6 @@ def test_a_stream_is_captured_after_the_call(rig, effort, figures, relation):
             rig.spin(random.random() * 0.1)
             outcomes.append(captured(rig))
     judge(figures, relation, outcomes)
-    assert not any('unknown' in answer.message for _, _, answer in outcomes)
 
 
 @pytest.mark.parametrize('relation', RELATIONS)
@@ -169,24 +69,6 @@ def test_the_diagnostics_state_the_relation(rig):
     assert sentence.startswith("stamps of the cameras are 37.0 s ahead of the node's clock")
     assert 'jitter' in sentence and 'learned from' in sentence
     assert parts['inputs'].level == DiagnosticStatus.OK
-
-
-def test_a_looped_clock_and_recording_are_captured_after_the_call(tmp_path, effort, figures):
-    loop, random, outcomes = Loop(length=3.0), Random(1), []
-    with prepared(tmp_path, use_sim_time=True) as rig:
-        start, publisher = time.time_ns(), rig.node.create_publisher(Clock, '/clock', 10)
-
-        def tick():
-            msg = Clock()
-            msg.clock.sec, msg.clock.nanosec = divmod(loop.time(time.time_ns() - start), NS)
-            publisher.publish(msg)
-
-        rig.node.create_timer(0.02, tick)
-        with cameras(rig, lambda wall: loop.time(wall - start)):
-            for _ in range(effort.count(15, 1000)):
-                rig.spin(random.random() * 0.2)
-                outcomes.append(captured(rig))
-    judge(figures, 'looped /clock', outcomes)
 
 
 def test_600_calls_that_wait_are_answered_by_one_pair(rig):

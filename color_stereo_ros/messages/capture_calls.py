@@ -63,10 +63,13 @@ class Call:
     """A call that waits for a pair."""
 
     moment: Moment
+    """When it was received."""
     answer: object = None
     """What the owner needs to answer it."""
     basis: Basis | None = None
     """Why the pair that answers it counts; None while it waits."""
+    sent: Moment | None = None
+    """When it was sent, as far as the caller's clock can be believed; None: as it was received."""
     passed: list = field(default_factory=list)
     """Moments of the first and of the latest pair that came since, but did not count."""
     count: int = 0
@@ -274,6 +277,7 @@ class CaptureCalls:
             for call in self.waiting:
                 if call.moment.node > moment.node:  # stamps go on from here
                     call.moment = replace(call.moment, node=moment.node)
+                    call.sent = None
 
     def _answers(self, call, arrival):
         """Tell whether a pair counts as exposed after a call, and note in the call why."""
@@ -281,13 +285,16 @@ class CaptureCalls:
         return call.basis is not None
 
     def _basis(self, call, arrival):
-        if arrival.first < call.moment.steady:
+        flows = self.flow.is_on(call.moment.steady) or self._goes_on(arrival)
+        # a trigger's one pair may overtake the call; a stream brings another one
+        since = call.moment if flows or call.sent is None else call.sent
+        if arrival.first < since.steady:
             return None
         if self.relation.is_node_clock and not self.relation.dead:
-            return Basis.STAMP if arrival.stamp >= call.moment.node else None
+            return Basis.STAMP if arrival.stamp >= since.node else None
         clock = self._clock(arrival)
-        late = self._lateness(call, arrival, clock)
-        if self.flow.is_on(call.moment.steady) or self._goes_on(arrival):
+        late = self._lateness(since, arrival, clock)
+        if flows:
             sure = late >= self.flow.delay(clock) and self._is_late_by_counting(call)
             return Basis.LEARNED if sure else None
         return Basis.FIRST if late >= -(_CLOCK_SLACK if clock else _SLACK) else None
@@ -300,12 +307,11 @@ class CaptureCalls:
         """Tell whether a pair belongs to the flow by its stamp, however late it comes."""
         return not self.relation.dead and self.flow.goes_on(arrival.stamp, self._clock(arrival))
 
-    def _lateness(self, call, arrival, clock):
-        """Return how long after the call a pair came, or would have on the fastest path, ns."""
+    def _lateness(self, since, arrival, clock):
+        """Return how long after a Moment a pair came, or would have on the fastest path, ns."""
         if self.relation.dead:
-            return arrival.first - call.moment.steady
-        return (self.relation.earliest(arrival.stamp)
-                - (call.moment.node if clock else call.moment.steady))
+            return arrival.first - since.steady
+        return self.relation.earliest(arrival.stamp) - (since.node if clock else since.steady)
 
     def _is_late_by_counting(self, call):
         """Tell the same without stamps, as long as they have not told much."""

@@ -126,7 +126,7 @@ class Capture:
             if self._calls.full:
                 done(Outcome(f'{self._calls.limit} calls wait already'))
                 return
-            call = Call(self._moment(reply.received), done)
+            call = Call(self._moment(reply.received), done, sent=self._moment(reply.sent))
             arrival = self._calls.call(call, held=self._holds())
             if arrival is not None:
                 self._begin(call, arrival.pair)

@@ -22,6 +22,8 @@ _BURST = 8
 """Answers to one client at once: it may keep no more than 10 that it has not read yet."""
 _PAUSE = 0.0015
 """s between further ones."""
+_UNDER_WAY = 250_000_000
+"""ns that a call is under way at most; else the clocks of caller and node differ."""
 
 
 class Reply:
@@ -35,14 +37,14 @@ class Reply:
         Called with a response in the thread.
     number : int
         Of the call; two calls of one client have different ones.
-    received : float
-        When the middleware received the call, s of `time.monotonic`.
+    received, sent : float
+        When the middleware received and sent the call, s of `time.monotonic`.
 
     """
 
-    def __init__(self, thread, send, number, received):
+    def __init__(self, thread, send, number, received, sent):
         self._thread, self._send, self._number = thread, send, number
-        self.received = received
+        self.received, self.sent = received, sent
 
     def __call__(self, success, message):
         """Answer."""
@@ -104,8 +106,11 @@ class ServiceThread:
 
     def _take(self, send, callback, header):
         """Take a call: begin what answers it."""
+        received = received_at(header.received_timestamp)
+        under_way = header.received_timestamp - header.source_timestamp
         reply = Reply(self, lambda response: send(response, header),
-                      header.request_id.sequence_number, received_at(header.received_timestamp))
+                      header.request_id.sequence_number, received,
+                      received - (under_way * 1e-9 if 0 <= under_way <= _UNDER_WAY else 0.0))
         try:
             callback(reply)
         except Exception as error:  # the client is answered all the same
