@@ -77,8 +77,13 @@ class FollowingSubscription:
     @property
     def kind(self):
         """Return what was asked for: 'reliable' or 'best_effort', and 'transient_local'."""
-        latched = self._profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
-        return self._profile.reliability.name.lower() + (', transient_local' if latched else '')
+        latched = ', transient_local' if self.is_latched else ''
+        return self._profile.reliability.name.lower() + latched
+
+    @property
+    def is_latched(self):
+        """Return whether messages from before the subscription are asked for."""
+        return self._profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
 
     def follow(self):
         """Become what the publishers offer; call it from the executor's thread now and then."""

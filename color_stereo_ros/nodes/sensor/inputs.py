@@ -100,6 +100,11 @@ class StereoInputs:
             if self.frame_warning:
                 self._warn(self.frame_warning)
 
+    @property
+    def are_latched(self):
+        """Return whether the images of both cameras were published once for all who come."""
+        return all(subscription.is_latched for subscription in self.images.values())
+
     def refusal(self):
         """Return why the images that arrive are refused, or None."""
         now = time.monotonic()

@@ -45,6 +45,7 @@ class RangeSensor:
         self.settings = parameters.settings
         self.skipped = 0
         """Pairs that nobody wanted."""
+        self._latest = self._kept = None  # the latest pair; the same if nobody wanted it yet
         self.outputs = Outputs(node, parameters)
         self.pattern = PatternWatch(node, parameters)
         self.projector = ProjectorInfo(node)
@@ -95,10 +96,24 @@ class RangeSensor:
             self.capture.note(pair)
             return
         requested = self.capture.takes(pair)
+        self._latest, self._kept = pair, None
         if requested or self.streams:
             self.worker.submit(pair)
         else:
             self.skipped += 1
+            self._kept = pair
+
+    def _measure_latched(self):
+        """Measure a latched pair that came before a listener or a calibration: none follows."""
+        if not self.inputs.are_latched:
+            self._latest = self._kept = None
+            return
+        pair = self._latest
+        waits = pair is not None and (pair is self._kept or pair is self.worker.unmeasured)
+        if (waits and self.active and self.streams
+                and self.inputs.calibration.calibration is not None):
+            self._kept = None
+            self.worker.submit(pair)
 
     @property
     def streams(self):
@@ -151,6 +166,7 @@ class RangeSensor:
         self.pattern.follow()
         self.outputs.look_for_mismatches()
         self.outputs.publish_to_late()
+        self._measure_latched()
         complaint = self.inputs.complaint(self.settings.sync.warn_after)
         if self.inputs.refusal():
             pass  # said when it came

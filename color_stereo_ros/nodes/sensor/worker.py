@@ -112,6 +112,8 @@ class Worker:
         self._slot = LatestSlot()
         self._thread = threading.Thread(target=self._run, name='color_stereo', daemon=True)
         self.account = Account()
+        self.unmeasured = None
+        """The pair whose turn came while there was no usable calibration, or None."""
         self.lost = None
         """Why the latest pair was measured without the right camera; None: it was not."""
         self.state = 'getting ready'
@@ -147,6 +149,7 @@ class Worker:
 
     def submit(self, pair):
         """Measure a pair of images as soon as the one at hand is done."""
+        self.unmeasured = None
         self._slot.put(pair)
 
     def _run(self):
@@ -264,6 +267,7 @@ class Worker:
 
     def _note_uncalibrated(self, pair):
         self.account.uncalibrated += 1
+        self.unmeasured = pair
         self._fail(pair, 'there is no usable calibration')
 
     def _note_failure(self, pair, text, trace=''):
