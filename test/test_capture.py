@@ -11,7 +11,9 @@ import numpy as np
 
 import pytest
 
-from ros_rig import NodeProcess, PAPER, Rig, silent_rig
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+
+from ros_rig import NodeProcess, PAPER, Rig, scene, silent_rig
 
 from sensor_msgs.msg import Image
 
@@ -26,7 +28,7 @@ def running(tmp_path_factory):
     folder = tmp_path_factory.mktemp('capture')
     saved = folder / 'saved'
     saved.mkdir()
-    limits = {'output.save_directory': saved, 'output.save_limit': 3}
+    limits = {'output.save_directory': saved, 'output.save_limit': 3, 'capture.timeout': 2.0}
     with silent_rig(folder, **limits) as rig:
         rig.folder = saved
         yield rig
@@ -90,18 +92,76 @@ def test_capture_without_cameras_fails_with_the_reason(rig):
     assert 'no pair for' in answer.message and 'any more' in answer.message
 
 
-@pytest.mark.parametrize('stamps, reason', [
-    ({'age': 20_000_000_000}, 'pairs arrive, but their stamps are 20.0 s old'),
-    ({'skew': 450_000_000}, 'both images arrive, but their stamps differ by 450.0 ms')])
-def test_capture_gives_the_reason_of_pairs_that_do_not_count(rig, stamps, reason):
+def test_capture_gives_the_reason_of_images_that_do_not_pair_up(rig):
     rig.set_parameters(sync__tolerance=0.01)
-    trigger(rig, 'capture', **stamps)  # the pairs before are of good stamps
-    answer = trigger(rig, 'capture', **stamps)
+    trigger(rig, 'capture', skew=450_000_000)  # the pairs before are of good stamps
+    answer = trigger(rig, 'capture', skew=450_000_000)
     rig.set_parameters(sync__tolerance=0.0)
     rig.stamp = rig.node.get_clock().now().nanoseconds
     assert not answer.success
-    assert reason in answer.message
+    assert 'both images arrive, but their stamps differ by 450.0 ms' in answer.message
     assert 'any more' not in answer.message and 'has arrived yet' not in answer.message
+
+
+LATCHED = QoSProfile(depth=10, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def test_late_joiners_get_the_last_result_of_a_capture(rig):
+    assert rig.set_parameters(input__mode='capture').successful
+    trigger(rig, 'capture')
+    stamp = trigger(rig, 'capture').message.split()[1].rstrip(':').replace('.', '')
+    rig.listen(Image, 'depth/image')  # the first one: the message is built for it
+    rig.spin_until(lambda: rig.received['depth/image'], 'the last depth')
+    rig.received['late'] = []
+    rig.node.create_subscription(Image, 'depth/image', rig.received['late'].append, LATCHED)
+    rig.spin_until(lambda: rig.received['late'], 'the last depth again')
+    rig.spin(0.6)
+    assert rig.stamps('depth/image') == rig.stamps('late') == [int(stamp)]
+
+
+def test_a_stream_has_no_late_messages_and_the_mode_changes_while_running(rig):
+    rig.set_parameters(input__mode='capture')
+    assert trigger(rig, 'capture').success
+    assert durability(rig, 'depth/image') == QoSDurabilityPolicy.TRANSIENT_LOCAL
+    assert rig.set_parameters(input__mode='stream').successful
+    assert durability(rig, 'depth/image') == QoSDurabilityPolicy.VOLATILE
+    rig.listen(Image, 'depth/image')
+    rig.spin(1.0)
+    assert rig.received['depth/image'] == []
+    rig.good_pair()
+
+
+def durability(rig, topic):
+    """Return the durability that the one publisher of a topic offers."""
+    name = rig.node.resolve_topic_name(topic)
+
+    def offered():
+        found = rig.node.get_publishers_info_by_topic(name)
+        return found[0].qos_profile.durability if len(found) == 1 else None
+
+    return rig.spin_until(offered, 'one publisher')
+
+
+def test_motion_between_the_pairs_is_named(rig):
+    rig.set_parameters(capture__pairs=6)
+    still, moved = rig.images, dict(zip(('left', 'right'), scene(disparity=14)))
+    sent = []
+
+    def send():
+        rig.images = still if len(sent) % 16 < 8 else moved
+        sent.append(rig.send_pair(rig.node.get_clock().now().nanoseconds))
+
+    timer = rig.node.create_timer(0.1, send)
+    rig.spin_until(lambda: len(sent) >= 5, 'some pairs')
+    answers = []
+    while not any('moved' in answer.message for answer in answers):
+        answers.append(rig.call(Trigger, f'{rig.target}/capture', Trigger.Request()))
+        assert answers[-1].success and len(answers) < 20
+    rig.node.destroy_timer(timer)
+    rig.images = still
+    rig.set_parameters(capture__pairs=1)
+    assert 'fused from 6 pairs; the scene moved meanwhile: ' in answers[-1].message
+    assert 'of the ranges are left out (status MOVED)' in answers[-1].message
 
 
 def read_ply(path):

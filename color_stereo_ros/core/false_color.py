@@ -31,9 +31,10 @@ STATUS_COLORS = {
     Status.INCONSISTENT: (204, 121, 167),
     Status.OUT_OF_RANGE: (86, 180, 233),
     Status.IMPLAUSIBLE: (0, 158, 115),
+    Status.MOVED: (115, 115, 115),
 }
 """
-RGB of each status: the colors of Okabe and Ito (Color Universal Design, 2008), and light gray.
+RGB of each status: the colors of Okabe and Ito (Color Universal Design, 2008), and two grays.
 
 They differ for people with any kind of color blindness. Light gray is a pixel with a range.
 

@@ -16,6 +16,7 @@ class Status(IntEnum):
     INCONSISTENT = 6
     OUT_OF_RANGE = 7
     IMPLAUSIBLE = 8
+    MOVED = 9
 
     @property
     def label(self):
@@ -38,4 +39,5 @@ STATUS_MEANINGS = {
     Status.INCONSISTENT: 'left and right disagree: seen by the left camera only',
     Status.OUT_OF_RANGE: 'the match lies outside range.min_depth .. range.max_depth',
     Status.IMPLAUSIBLE: 'the match does not fit the surface around it',
+    Status.MOVED: 'the surface moved between the pairs that were fused (capture.pairs)',
 }

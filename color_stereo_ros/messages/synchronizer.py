@@ -45,14 +45,20 @@ class Pair:
     skew: int
     """Stamp of the right item minus stamp of the left one, ns."""
     arrival: float
-    """When the second item arrived, s of `time.monotonic`."""
+    """When the second item was taken, s of `time.monotonic`."""
+    received: tuple = None
+    """
+    When the middleware received the first and the second item, s of `time.monotonic`.
+
+    None: as they were taken.
+    """
 
 
 class _Side:
     """What is known of one topic."""
 
     def __init__(self):
-        self.waiting = {}  # arrival number -> (stamp, item), oldest arrival first
+        self.waiting = {}  # arrival number -> (stamp, item, received), oldest arrival first
         self.received = 0
         self.unmatched = 0
         self.late = 0
@@ -139,7 +145,7 @@ class Synchronizer:
         self._skews = deque(maxlen=_SKEWS_KEPT)
         self._quiet_since = clock()
 
-    def add(self, side, stamp, item):
+    def add(self, side, stamp, item, received=None):
         """
         Take an item.
 
@@ -150,6 +156,8 @@ class Synchronizer:
         stamp : int
             ns.
         item : object
+        received : float, optional
+            When the item was received, s of the clock; now, if it is not given.
 
         Returns
         -------
@@ -161,6 +169,7 @@ class Synchronizer:
         own.received += 1
         self._lefts_in_a_row = self._lefts_in_a_row + 1 if side == 'left' else 0
         own.last_arrival = self._clock()
+        received = own.last_arrival if received is None else received
         self._look_for_jump(own, stamp)
         own.note(stamp)
         if self._last_pair is not None and stamp < self._last_pair[side]:
@@ -169,12 +178,12 @@ class Synchronizer:
             return None
         partner = other.nearest(stamp, self.tolerance_now())
         if partner is None:
-            self._enqueue(own, stamp, item)
+            self._enqueue(own, stamp, item, received)
             return None
-        partner_stamp, partner_item = other.waiting.pop(partner)
+        partner_stamp, partner_item, partner_received = other.waiting.pop(partner)
         stamps = (stamp, partner_stamp) if side == 'left' else (partner_stamp, stamp)
         items = (item, partner_item) if side == 'left' else (partner_item, item)
-        return self._hand_out(stamps, items)
+        return self._hand_out(stamps, items, tuple(sorted((partner_received, received))))
 
     def alone(self, stamp, item, patience):
         """
@@ -204,14 +213,14 @@ class Synchronizer:
         self._last_pair = {'left': stamp, 'right': stamp - self.tolerance_now()}
         return Pair(item, None, stamp, 0, self._clock())
 
-    def _enqueue(self, own, stamp, item):
+    def _enqueue(self, own, stamp, item, received):
         self._arrivals += 1
-        own.waiting[self._arrivals] = (stamp, item)
+        own.waiting[self._arrivals] = (stamp, item, received)
         while len(own.waiting) > self.queue_size:
             del own.waiting[next(iter(own.waiting))]
             own.unmatched += 1
 
-    def _hand_out(self, stamps, items):
+    def _hand_out(self, stamps, items, received):
         self._last_pair = dict(zip(SIDES, stamps))
         for side, stamp in self._last_pair.items():
             self._sides[side].drop(lambda waiting, limit=stamp: waiting <= limit)
@@ -219,7 +228,7 @@ class Synchronizer:
         self._pairs += 1
         self._skews.append(skew)
         self._quiet_since = self._clock()
-        return Pair(*items, stamps[0], skew, self._quiet_since)
+        return Pair(*items, stamps[0], skew, self._quiet_since, received)
 
     def _look_for_jump(self, own, stamp):
         """Start again when time goes back; a late message alone is not a jump."""

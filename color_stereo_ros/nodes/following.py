@@ -8,6 +8,7 @@ from rclpy.qos import QoSDurabilityPolicy, QoSPolicyKind, QoSProfile, QoSReliabi
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from .qos import incompatible_policy
+from .received import received_at
 
 _DEPTH = 10
 _LARGE = 16 << 20
@@ -31,7 +32,7 @@ class FollowingSubscription:
         Of the messages.
     topic : str
     callback : callable
-        Called with a message, or with its bytes.
+        Called with a message, or with its bytes and when they were received (`received_at`).
     parameters : NodeParameters
     raw : bool
         Hand over the bytes of a message as they come.
@@ -56,16 +57,16 @@ class FollowingSubscription:
 
     def _create(self, options=None):
         return self._node.create_subscription(
-            self._kind, self._topic, self._take, self._profile, raw=self._raw,
+            self._kind, self._topic, self._take_bytes if self._raw else self._callback,
+            self._profile, raw=self._raw,
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=options)
 
-    def _take(self, msg):
-        self._callback(msg)
-        if self._raw:
-            self._sizes.note(len(msg))
-            if self._sizes.are_usual_again():
-                self._create_again()  # now, since the next message is a frame period away
+    def _take_bytes(self, data, info):
+        self._callback(data, received_at(info['received_timestamp']))
+        self._sizes.note(len(data))
+        if self._sizes.are_usual_again():
+            self._create_again()  # now, since the next message is a frame period away
 
     def _create_again(self):
         """Subscribe anew; the middleware gives back what its largest messages have taken."""

@@ -30,7 +30,8 @@ def usage(name='range_node', summary='Measures depth from pairs of raw color ima
         ('/diagnostics', 'diagnostic_msgs/DiagnosticArray', 'inputs, calibration, pattern and '
          'range images: what the node does, and why it does not'),
     ), (
-        ('~/capture', 'std_srvs/Trigger', 'measures one pair that is taken after the call'),
+        ('~/capture', 'std_srvs/Trigger', 'measures a pair that is exposed after the call, or '
+         'several (capture.pairs)'),
         ('~/save', 'std_srvs/Trigger', 'writes the points as a file to output.save_directory'),
     ))
 

@@ -19,7 +19,7 @@ PROJECTORS = ('pattern_node',)
 OTHERS = ('sim_rig_node', *PROJECTORS)
 """Nodes of this package whose parameters say nothing about a measurement."""
 
-PASSED_OVER = ('input', 'output', 'sync', 'sim', 'qos_overrides', 'use_sim_time',
+PASSED_OVER = ('input', 'output', 'sync', 'capture', 'sim', 'qos_overrides', 'use_sim_time',
                'start_type_description_service')
 """Groups and parameters of the nodes that are no settings of the core."""
 

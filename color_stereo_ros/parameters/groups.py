@@ -86,6 +86,21 @@ class SyncSettings(Group):
 
 
 @dataclass(frozen=True)
+class CaptureSettings(Group):
+    """What the service ~/capture does."""
+
+    prefix = 'capture'
+
+    timeout: float = setting(
+        5.0, 'time after the call in which a pair must come that is exposed after the call, and '
+        'after each pair the time for the next one; a pair that has come is measured to the end',
+        unit='s', minimum=0.1, maximum=600.0)
+    pairs: int = setting(
+        1, 'pairs of a scene that stands still, which are fused to one result; 8 pairs have about '
+        'a third of the noise of one', minimum=1, maximum=100)
+
+
+@dataclass(frozen=True)
 class MeasuringSettings:
     """The settings of the core, for those who add groups of their own."""
 
@@ -108,6 +123,7 @@ class RangeNodeSettings(MeasuringSettings):
     input: InputSettings = InputSettings()
     output: OutputSettings = OutputSettings()
     sync: SyncSettings = SyncSettings()
+    capture: CaptureSettings = CaptureSettings()
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The service ~/capture: measure one pair that is taken after the call."""
+"""The service ~/capture: measures a pair, or several, that are exposed after the call."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import threading
 import time
 
@@ -10,53 +10,56 @@ from rclpy.qos import QoSProfile
 
 from std_msgs.msg import Header
 
+from ...core.fusion import Fusion
+from ...messages.capture_calls import Arrival, Basis, Call, CaptureCalls
+from ...messages.clock_relation import Moment
 from ..filling import message_of
-from .services import POLL
 
-_COMPARABLE = 60_000_000_000  # ns; stamps farther from now are of another clock
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a call gets: a result, or why there is none."""
+
+    failure: str = ''
+    result: object = None
+    context: object = None
+    """messages.outputs.Context of the result."""
+    note: str = ''
+    """What a caller should know about the result."""
+    pair: object = None
+    """The last pair that it is from."""
 
 
 @dataclass(eq=False)
-class Request:
-    """One request to measure a pair that was taken after the call."""
+class Shot:
+    """The pairs that answer some calls."""
 
-    moment: float
-    """s of `time.monotonic`."""
-    stamp: int
-    """ns of the node's clock."""
-    acquired: object = None
-    """The pair that answers it: both images are there, what was looked at may move again."""
-    done: threading.Event = field(default_factory=threading.Event)
-    failure: str = ''
-    result: object = None
-    header: object = None
-    rotation: object = None
-    age: object = None
-    """Of the latest pair that arrived after the call but was taken before, on arrival, ns."""
-    _passed: int = 0
+    calls: list
+    wanted: int
+    """Pairs that are fused."""
+    fusion: Fusion | None
+    """None: one pair is not fused."""
+    measured: int = 0
+    pending: float | None = None
+    """Arrival of the pair that is being measured, s; None: the next pair is awaited."""
+    since: float = field(default_factory=time.monotonic)
+    """When the last pair was taken or measured, s."""
 
-    def accepts(self, pair):
-        """Tell whether a pair was taken after the call; ask once a pair."""
-        if pair.arrival < self.moment:
-            return False
-        if abs(pair.stamp - self.stamp) < _COMPARABLE:
-            if pair.stamp < self.stamp:
-                self.age = self.stamp + (pair.arrival - self.moment) * 1e9 - pair.stamp
-            return pair.stamp >= self.stamp
-        # stamps of another clock: the first pair may have been under way already
-        self._passed += 1
-        return self._passed > 1
+    @property
+    def complete(self):
+        """Return whether all pairs have been measured."""
+        return self.measured == self.wanted
 
-    def finish(self, failure='', result=None, header=None, rotation=None):
-        """Hand over the outcome."""
-        self.failure, self.result, self.header = failure, result, header
-        self.rotation = rotation
-        self.done.set()
+    def awaits(self, pair):
+        """Tell whether a pair that has been measured is the one that is pending, or a later one."""
+        return self.pending is not None and self.pending <= pair.arrival
 
 
 class Capture:
     """
-    Finds a pair for each call, and says on ~/acquired when both images are there.
+    Finds pairs for the calls, and says on ~/acquired when the last image is there.
 
     Parameters
     ----------
@@ -68,64 +71,241 @@ class Capture:
 
     def __init__(self, node, services, sensor):
         self._node, self._services, self._sensor = node, services, sensor
-        self._requests = []
+        self._lock = threading.Lock()
+        self._calls = CaptureCalls(self._moment())
+        self._shots = []
+        self._measured = 0.0  # arrival of the latest pair that was measured, s
         self.latest = None
-        """The last Request that got a result, or None."""
+        """The last Outcome with a result, or None."""
         self._acquired = node.create_publisher(
             Header, '~/acquired', QoSProfile(depth=1),
             event_callbacks=PublisherEventCallbacks(use_default_callbacks=False))  # see `qos`
-        services.create('~/capture', self._serve)
+        services.create('~/capture', lambda reply: self.request(
+            reply, lambda outcome: reply(*_answer(outcome))))
+        services.on_tick(self._look_at_time)
+        services.on_end(lambda: self._fail_all('the node is shutting down'))
+
+    def _moment(self, steady=None):
+        """Return a Moment of our clocks; hold the lock, so that they follow each other."""
+        clock = self._node.get_clock()
+        present, node = time.monotonic_ns(), clock.now().nanoseconds
+        if clock.ros_time_is_active:
+            return Moment(present if steady is None else round(steady * _NS), node, True)
+        past = 0 if steady is None else present - round(steady * _NS)
+        return Moment(present - past, node - past)
+
+    @property
+    def relation(self):
+        """Return what is known of the clock of the cameras, a ClockRelation."""
+        return self._calls.relation
+
+    @property
+    def waiting(self):
+        """Return how many calls wait for their answer."""
+        with self._lock:
+            return len(self._calls.waiting) + sum(len(shot.calls) for shot in self._shots)
+
+    # ---- calls, in the thread of the services
+
+    def request(self, reply, done):
+        """
+        Ask for a capture.
+
+        Parameters
+        ----------
+        reply : services.Reply
+            Of the call.
+        done : callable
+            Called with the Outcome in the thread of the services.
+
+        """
+        if not self._sensor.active:
+            done(Outcome('the node is inactive'))
+            return
+        with self._lock:
+            if self._calls.full:
+                done(Outcome(f'{self._calls.limit} calls wait already'))
+                return
+            call = Call(self._moment(reply.received), done, sent=self._moment(reply.sent))
+            arrival = self._calls.call(call, held=self._holds())
+            if arrival is not None:
+                self._begin(call, arrival.pair)
+
+    def _look_at_time(self):
+        """Give up what waits for longer than capture.timeout."""
+        timeout = self._sensor.settings.capture.timeout
+        now = time.monotonic()
+        with self._lock:
+            self._calls.rest(round(now * _NS))
+            calls = [] if self._holds() else self._calls.expired(round(now * _NS),
+                                                                round(timeout * _NS))
+            late = [shot for shot in self._shots if self._is_over(shot, now, timeout)]
+            self._shots = [shot for shot in self._shots if shot not in late]
+        for call in calls:
+            call.answer(Outcome(self._sensor.why_no_result(timeout,
+                                                           self._about_pairs(call, timeout))))
+        for shot in late:
+            begun = (f'only {shot.measured} of {shot.wanted} pairs have come: '
+                     if shot.pending is None else '')
+            self._finish(shot, Outcome(begun + self._sensor.why_no_result(timeout)))
+
+    def _is_over(self, shot, now, timeout):
+        """Tell whether the next pair is overdue, or nothing can be measured yet."""
+        if shot.pending is None:
+            return now - shot.since > timeout
+        waited = now - min(call.moment.steady for call in shot.calls) / _NS
+        return self._sensor.worker.state != 'ready' and waited > timeout
+
+    def _about_pairs(self, call, timeout):
+        """Say what came since a call, for want of a better reason; None: nothing came."""
+        if not call.count:
+            return None
+        latest = (call.passed[-1].steady - call.moment.steady) / _NS
+        if call.moment.simulated and call.passed[-1].node == call.moment.node:
+            return ("the node's clock stands still: use_sim_time is true, and /clock brings "
+                    'nothing new')
+        have = '1 pair has' if call.count == 1 else f'{call.count} pairs have'
+        return (f'{have} arrived within {timeout:.1f} s after the call, the last one {latest:.2f} '
+                's after it, but none was surely exposed after the call: '
+                f'{self.relation.sentence()}')
+
+    # ---- pairs, in the executor's thread
+
+    def note(self, pair):
+        """Learn from a pair that nobody may ask for."""
+        with self._lock:
+            self._calls.add(self._arrival(pair), held=True)
 
     def takes(self, pair):
-        """Tell whether a pair answers an open request; runs in the executor's thread."""
-        requested = [request for request in self._requests
-                     if not request.acquired and request.accepts(pair)]
-        for request in requested:
-            request.acquired = pair
-        if requested:
+        """Tell whether a pair must be measured for a call."""
+        with self._lock:
+            held = self._holds()
+            answered = self._calls.add(self._arrival(pair), held=held)
+            if answered:
+                self._open(answered)
+            ready = [shot for shot in self._shots
+                     if shot.pending is None and not shot.complete]
+            self._expect(ready, pair)
+            return bool(ready)
+
+    def _arrival(self, pair):
+        first, second = pair.received or (pair.arrival, pair.arrival)
+        return Arrival(pair.stamp + min(pair.skew, 0), round(first * _NS), self._moment(second),
+                       pair)
+
+    def _holds(self):
+        """Tell whether a capture of several pairs is under way; another one waits."""
+        return any(shot.wanted > 1 for shot in self._shots)
+
+    def _open(self, calls):
+        wanted = self._sensor.settings.capture.pairs
+        shot = Shot(calls, wanted, Fusion() if wanted > 1 else None)
+        self._shots.append(shot)
+        return shot
+
+    def _begin(self, call, pair):
+        """Let the last pair answer a call that is taken after it; it may be measured already."""
+        wanted = self._sensor.settings.capture.pairs
+        shot = next((shot for shot in self._shots if wanted == 1 and shot.awaits(pair)), None)
+        if shot is not None:
+            shot.calls.append(call)
+        elif wanted == 1 and self.latest is not None and self.latest.pair is pair:
+            self._tell(call, self.latest)
+        else:
+            self._expect([self._open([call])], pair)
+            if not self._sensor.streams or self._measured >= pair.arrival:
+                self._sensor.worker.submit(pair)  # else the worker has it already
+
+    def _expect(self, shots, pair):
+        for shot in shots:
+            shot.pending, shot.since = pair.arrival, time.monotonic()
+        if any(shot.measured + 1 == shot.wanted for shot in shots):
             self._acquired.publish(message_of(pair.left.header))
-        return bool(requested)
+
+    # ---- results, in the worker's thread
+
+    def merged(self, pair, result):
+        """
+        Return what is published of a pair that was measured: its result, or the fused one.
+
+        None: the pair is one of several that are fused, and nothing but captures is published.
+
+        """
+        with self._lock:
+            self._measured = pair.arrival
+            shots = [shot for shot in self._shots if shot.awaits(pair)]
+        publish = self._sensor.settings.input.mode == 'stream' or not shots
+        for shot in shots:
+            if shot.fusion is not None:
+                shot.fusion.add(result)
+        fused = None
+        with self._lock:
+            for shot in shots:
+                shot.measured += 1
+                shot.pending, shot.since = None, time.monotonic()
+                if shot.complete:
+                    fused = shot.fusion if shot.fusion is not None else fused
+                    publish = True
+        if fused is not None:
+            return fused.result()
+        return result if publish else None
 
     def succeed(self, pair, result, context):
-        """Answer the requests for a pair; runs in the worker's thread, as `fail` does."""
-        for request in self._requests_for(pair):
-            request.finish(result=result, header=context.header, rotation=context.rotation)
+        """Answer the calls of the captures that a published result completes."""
+        with self._lock:
+            done = [shot for shot in self._shots if shot.complete]
+            self._shots = [shot for shot in self._shots if not shot.complete]
+        for shot in done:
+            note = _about(shot)
+            self.latest = Outcome('', result, context, note, pair)
+            self._finish(shot, self.latest)
 
     def fail(self, pair, text):
-        """Answer the requests for a pair that gives no result with the reason."""
-        for request in self._requests_for(pair):
-            request.finish(text)
+        """Answer the calls of the captures that lose a pair with the reason."""
+        with self._lock:
+            self._measured = max(self._measured, pair.arrival)
+            lost = [shot for shot in self._shots if shot.complete or shot.awaits(pair)]
+            self._shots = [shot for shot in self._shots if shot not in lost]
+        for shot in lost:
+            self._finish(shot, Outcome(text))
 
-    def _requests_for(self, pair):
-        """Return the requests that a pair answers: theirs, or one that replaced it."""
-        return [request for request in list(self._requests)
-                if request.acquired and request.acquired.arrival <= pair.arrival]
+    def _finish(self, shot, outcome):
+        for call in shot.calls:
+            self._tell(call, outcome)
 
-    def measure(self):
-        """Return a finished Request; waits, so call it in the thread of the services."""
-        request = Request(time.monotonic(), self._node.get_clock().now().nanoseconds)
-        patience = self._sensor.settings.sync.warn_after
-        self._requests.append(request)
-        while not request.done.wait(POLL) and not self._services.stopped.is_set():
-            if time.monotonic() - request.moment > patience:
-                request.finish(self._sensor.why_no_result(request, patience))
-        if request in self._requests:
-            self._requests.remove(request)
-        if not request.failure and request.result is not None:
-            self.latest = request
-        return request
+    def _tell(self, call, outcome):
+        if call.basis is Basis.FIRST and outcome.result is not None:
+            outcome = replace(outcome, note='; '.join(filter(None, (outcome.note, _UNKNOWN))))
+        self._services.post(lambda: call.answer(outcome))
 
-    def _serve(self, _, response):
-        request = self.measure()
-        response.success = not request.failure and request.result is not None
-        if response.success:
-            stamp = request.header.stamp
-            response.message = (f'stamp {stamp.sec}.{stamp.nanosec:09d}: '
-                                f'{request.result.density:.1%} of the pixels have a range')
-        else:
-            response.message = request.failure or 'the node is shutting down'
-        return response
+    def _fail_all(self, text):
+        """Answer all calls that wait."""
+        with self._lock:
+            calls = [*self._calls.waiting, *(call for shot in self._shots for call in shot.calls)]
+            self._calls.waiting, self._shots = [], []
+        for call in calls:
+            call.answer(Outcome(text))
 
     def destroy(self):
         """Leave ~/acquired; the service ends with its thread."""
         self._node.destroy_publisher(self._acquired)
+
+
+_UNKNOWN = ('the clock of the cameras is unknown: this is the first pair that came after the call')
+
+
+def _about(shot):
+    """Return what a caller should know of a fused result."""
+    if shot.fusion is None:
+        return ''
+    return f'fused from {shot.wanted} pairs' + shot.fusion.about_motion()
+
+
+def _answer(outcome):
+    """Return success and message of a response."""
+    if outcome.result is None:
+        return False, outcome.failure
+    stamp = outcome.context.header.stamp
+    text = (f'stamp {stamp.sec}.{stamp.nanosec:09d}: '
+            f'{outcome.result.density:.1%} of the pixels have a range')
+    return True, '; '.join(filter(None, (text, outcome.note)))

@@ -85,7 +85,10 @@ def _inputs(sensor):
               'frame period (ms)': _milliseconds(report.period),
               'skew, median (ms)': _milliseconds(report.skew_median),
               'skew, largest (ms)': _milliseconds(report.skew_largest),
-              'jumps of time': report.jumps}
+              'jumps of time': report.jumps, 'clock': sensor.capture.relation.sentence()}
+    drift = sensor.capture.relation.drift
+    if drift is not None:
+        values['drift of the clock (ppm)'] = drift * 1e6
     for side in SIDES:
         values |= {f'{side} received': report.received[side],
                    f'{side} refused': inputs.refused[side],
@@ -207,7 +210,8 @@ def _range_images(sensor):
               'latency p50 (ms)': _scaled(account.latency(50)),
               'latency p99 (ms)': _scaled(account.latency(99)),
               'subscribed': ', '.join(sensor.outputs.wanted()) or 'nothing',
-              'skipped for want of a subscriber': sensor.skipped}
+              'skipped for want of a subscriber': sensor.skipped,
+              'calls of ~/capture that wait': sensor.capture.waiting}
     shares = {}
     if account.result is not None:
         shares = status_shares(account.result.status)

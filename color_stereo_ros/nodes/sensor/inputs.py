@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The input topics of range_node: what arrives, is refused, or is paired."""
 
+from functools import partial
 import time
 
 from rclpy.clock import JumpThreshold
@@ -68,10 +69,10 @@ class StereoInputs:
         topic = f'{side}/{"image_raw" if kind is Image else "camera_info"}'
         take = self._take_image if kind is Image else self.calibration.add
         # images are read from their bytes: rclpy's conversion holds the interpreter for 1 ms each
-        return FollowingSubscription(self._node, kind, topic, lambda msg: take(side, msg),
-                                     parameters, raw=kind is Image)
+        return FollowingSubscription(self._node, kind, topic, partial(take, side), parameters,
+                                     raw=kind is Image)
 
-    def _take_image(self, side, data):
+    def _take_image(self, side, data, received):
         try:
             msg = read_image(data, otherwise=_deserialized_image)
             check_image(msg)
@@ -84,7 +85,7 @@ class StereoInputs:
         self._refusals.pop(side, None)
         self._look_at_header(side, msg)
         stamp = stamp_ns(msg.header)
-        pair = self.synchronizer.add(side, stamp, msg)
+        pair = self.synchronizer.add(side, stamp, msg, received)
         if pair is None and side == 'left' and self._settings.input.survive_right_loss:
             pair = self.synchronizer.alone(stamp, msg, self._patience)
         if pair is not None:

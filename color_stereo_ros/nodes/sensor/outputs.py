@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The publishers of range_node: an output is computed when somebody listens, the points first."""
 
+import threading
+
 from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ...messages.cloud import cloud
@@ -18,26 +20,63 @@ class Outputs:
     """
     Publishers that build a message only for subscribers.
 
+    With `input.mode: capture` they are transient local and keep one message: who joins late and
+    asks for it gets the last result.
+
     Parameters
     ----------
     node : rclpy.node.Node
+    parameters : NodeParameters
 
     """
 
-    def __init__(self, node):
-        self._node = node
+    def __init__(self, node, parameters):
+        self._node, self._parameters = node, parameters
         self.mismatches = {}
         """The QoS policy that keeps a subscriber away, by topic."""
         self._outputs = dict(OUTPUTS.items())
-        self._publishers = {topic: self._create(topic, message_class(output.type))
-                            for topic, output in self._outputs.items()}
         self._reused = {topic: Reused(output.type) for topic, output in self._outputs.items()}
+        # publishers are used by the worker's thread and created again by the executor's
+        self._lock = threading.RLock()
+        self._latched = parameters.settings.input.mode == 'capture'
+        self._profiles = {topic: self._profile(topic) for topic in self._outputs}
+        options = QoSOverridingOptions.with_default_policies()
+        self._publishers = {topic: self._create(topic, options) for topic in self._outputs}
+        self._kept = None  # the last result, its context, the topics on which it was published
 
-    def _create(self, topic, kind):
+    def _profile(self, topic):
+        """Return the QoS of a topic, on which the parameters have the last word."""
+        profile = QoSProfile(depth=1 if self._latched else _DEPTH)
+        if self._latched:
+            profile.durability = QoSDurabilityPolicy.TRANSIENT_LOCAL
+        return profile
+
+    def _create(self, topic, options=None):
         return self._node.create_publisher(
-            kind, topic, QoSProfile(depth=_DEPTH),
+            message_class(self._outputs[topic].type), topic, self._profiles[topic],
             event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+            qos_overriding_options=options)
+
+    def configure(self, mode):
+        """Create the publishers again if another `input.mode` asks for another durability."""
+        latched = mode == 'capture'
+        if latched == self._latched:
+            return
+        with self._lock:
+            for publisher in self._publishers.values():
+                self._node.destroy_publisher(publisher)
+            self._latched = latched
+            self._kept = None
+            for topic, profile in self._profiles.items():
+                fresh = self._profile(topic)
+                profile.durability = fresh.durability
+                if not self._is_depth_given(topic):
+                    profile.depth = fresh.depth
+            self._publishers = {topic: self._create(topic) for topic in self._outputs}
+
+    def _is_depth_given(self, topic):
+        name = self._node.resolve_topic_name(topic)
+        return self._parameters.is_given(f'qos_overrides.{name}.publisher.depth')
 
     def look_for_mismatches(self):
         """Find the subscribers that get nothing; call it now and then."""
@@ -66,17 +105,36 @@ class Outputs:
         """Compile or load what the messages of any result need."""
         cloud(result, Header())
 
-    def publish(self, topics, result, context):
+    def publish(self, result, context, on_first=lambda: None):
         """
-        Publish a result.
+        Publish a result on the topics that have a subscriber.
 
         Parameters
         ----------
-        topics : list of str
         result : RangeResult
         context : messages.outputs.Context
+        on_first : callable
+            Called when the first topic, the points, is done.
 
         """
+        with self._lock:
+            topics = self.wanted()
+            self._publish(topics[:1], result, context)
+            on_first()
+            self._publish(topics[1:], result, context)
+            self._kept = (result, context, set(topics)) if self._latched else None
+
+    def publish_to_late(self):
+        """Publish the last result of a capture on topics that have got their first subscriber."""
+        with self._lock:
+            if self._kept is None:
+                return
+            result, context, served = self._kept
+            late = [topic for topic in self.wanted() if topic not in served]
+            self._publish(late, result, context)
+            served.update(late)
+
+    def _publish(self, topics, result, context):
         for topic in topics:
             reused = self._reused[topic]
             content = self._outputs[topic].content(result, context.with_memory(reused.memory))

@@ -19,6 +19,8 @@ from .worker import Setup, Worker
 
 _LOOK_AFTER_PERIOD = 0.25
 _WARN_PERIOD = 5.0
+_SHARE = 0.9
+"""Of the time that a capture waited: without a pair for so long, none came since the call."""
 
 
 class RangeSensor:
@@ -44,7 +46,7 @@ class RangeSensor:
         self.skipped = 0
         """Pairs that nobody wanted."""
         self._latest = self._kept = None  # the latest pair; the same if nobody wanted it yet
-        self.outputs = Outputs(node)
+        self.outputs = Outputs(node, parameters)
         self.pattern = PatternWatch(node, parameters)
         self.projector = ProjectorInfo(node)
         self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger,
@@ -69,6 +71,7 @@ class RangeSensor:
     def configure(self, settings):
         """Take new settings from the next pair on."""
         self.settings = settings
+        self.outputs.configure(settings.input.mode)
         self.inputs.configure(settings)
         self.pattern.configure(settings.pattern)
         self.diagnostics.configure(settings)
@@ -90,17 +93,15 @@ class RangeSensor:
     def _take_pair(self, pair):
         """Hand a pair to the worker if anybody wants it; runs in the executor's thread."""
         if not self.active:
+            self.capture.note(pair)
             return
         requested = self.capture.takes(pair)
         self._latest, self._kept = pair, None
-        if requested or self._is_streaming():
+        if requested or self.streams:
             self.worker.submit(pair)
         else:
             self.skipped += 1
             self._kept = pair
-
-    def _is_streaming(self):
-        return self.settings.input.mode == 'stream' and self.outputs.wanted()
 
     def _measure_latched(self):
         """Measure a latched pair that came before a listener or a calibration: none follows."""
@@ -109,33 +110,39 @@ class RangeSensor:
             return
         pair = self._latest
         waits = pair is not None and (pair is self._kept or pair is self.worker.unmeasured)
-        if (waits and self.active and self._is_streaming()
+        if (waits and self.active and self.streams
                 and self.inputs.calibration.calibration is not None):
             self._kept = None
             self.worker.submit(pair)
 
+    @property
+    def streams(self):
+        """Return whether every pair is measured, because somebody listens."""
+        return self.settings.input.mode == 'stream' and bool(self.outputs.wanted())
+
     def _publish(self, result, pair, setup):
         """Publish a result, the points first; runs in the worker's thread."""
-        topics = self.outputs.wanted()
+        result = self.capture.merged(pair, result)
+        if result is None:
+            return
         context = Context(pair.left.header, setup.settings, setup.calibration.left.R.T)
-        self.outputs.publish(topics[:1], result, context)
-        self.worker.note_published(pair)
-        self.outputs.publish(topics[1:], result, context)
+        self.outputs.publish(result, context, lambda: self.worker.note_published(pair))
         self.projector.note(result.projector, context.header)
         self.capture.succeed(pair, result, context)
 
     def _fail(self, pair, text):
         self.capture.fail(pair, text)
 
-    def why_no_result(self, request, patience):
+    def why_no_result(self, timeout, about_pairs=None):
         """
-        Say why a request got no result in time.
+        Say why a capture got no result in time.
 
         Parameters
         ----------
-        request : capture.Request
-        patience : float
+        timeout : float
             s for which it has waited.
+        about_pairs : str, optional
+            What is to be said of pairs that came in this time.
 
         Returns
         -------
@@ -147,25 +154,18 @@ class RangeSensor:
             return 'the node is inactive'
         if self.worker.state != 'ready':
             return f'the node is {self.worker.state}'
-        if request.acquired:
-            return (f'the pair has arrived, but it is not measured yet, {patience:.1f} s after '
-                    'the call: raise sync.warn_after')
-        return (self.inputs.refusal() or watch.error or self.inputs.complaint(patience)
-                or self._about_pairs_before(request, patience))
-
-    @staticmethod
-    def _about_pairs_before(request, patience):
-        """Say how old the pairs are that do arrive."""
-        text = f'no pair that was taken after the call has arrived within {patience:.1f} s'
-        if request.age is None:
-            return text
-        return (f'{text}: pairs arrive, but their stamps are {request.age * 1e-9:.1f} s old then; '
-                'the clocks of cameras and node differ, or the images are under way for so long')
+        reason = self.inputs.refusal() or watch.error
+        if reason:
+            return reason
+        patience = _SHARE * min(timeout, self.settings.sync.warn_after)
+        reasons = filter(None, (self.inputs.complaint(patience), about_pairs))
+        return '; '.join(reasons) or f'no pair has arrived within {timeout:.1f} s after the call'
 
     def _look_after(self):
         self.inputs.follow()
         self.pattern.follow()
         self.outputs.look_for_mismatches()
+        self.outputs.publish_to_late()
         self._measure_latched()
         complaint = self.inputs.complaint(self.settings.sync.warn_after)
         if self.inputs.refusal():

@@ -93,31 +93,40 @@ class Save:
         self._folder = folder
         services.create('~/save', self._serve)
 
-    def _serve(self, _, response):
-        try:
-            response.message = self._saved()
-            response.success = True
-        except ColorStereoError as error:
-            response.success = False
-            response.message = str(error)
-            self._node.get_logger().error(f'save: {error}')
-        return response
+    def _serve(self, reply):
+        if self._sensor.settings.input.mode == 'capture':
+            self._answer(reply, self._capture.latest)
+        elif self._does(reply, lambda: self._room(self._sensor.settings.output)):
+            self._capture.request(reply, lambda outcome: self._answer(reply, outcome))
 
-    def _saved(self):
+    def _answer(self, reply, outcome):
+        text = self._does(reply, lambda: self._saved(outcome))
+        if text:
+            reply(True, text)
+
+    def _does(self, reply, step):
+        """Return what a step returns; where it fails, answer with the reason and return None."""
+        try:
+            return step()
+        except ColorStereoError as error:
+            self._node.get_logger().error(f'save: {error}')
+            reply(False, str(error))
+            return None
+
+    def _saved(self, outcome):
         """Write a file; return its path and how many points it holds."""
         settings = self._sensor.settings
         folder = self._room(settings.output)
-        streaming = settings.input.mode == 'stream'
-        request = self._capture.measure() if streaming else self._capture.latest
-        if request is None:
+        if outcome is None:
             raise RecordingError('nothing has been captured yet: call ~/capture first')
-        if request.result is None:
-            raise RecordingError(request.failure or 'the node is shutting down')
-        path = self._free_name(folder, stamp_ns(request.header), settings.output.save_format)
-        points = request.result.points()
+        if outcome.result is None:
+            raise RecordingError(outcome.failure)
+        context = outcome.context
+        path = self._free_name(folder, stamp_ns(context.header), settings.output.save_format)
+        points = outcome.result.points()
         if settings.output.frame == 'camera':
-            points = points @ request.rotation.T.astype(points.dtype)
-        count = save_cloud(path, points, request.result.image)
+            points = points @ context.rotation.T.astype(points.dtype)
+        count = save_cloud(path, points, outcome.result.image)
         return f'{path}: {count} points'
 
     def _room(self, settings):

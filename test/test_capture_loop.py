@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""~/capture over real DDS under a /clock that starts again, as a recording in a loop has it."""
+
+from random import Random
+import time
+
+from capture_rig import cameras, captured, judge, prepared
+
+from capture_world import Loop, NS
+
+from rosgraph_msgs.msg import Clock
+
+
+def test_a_looped_clock_and_recording_are_captured_after_the_call(tmp_path, effort, figures):
+    loop, random, outcomes = Loop(length=3.0), Random(1), []
+    with prepared(tmp_path, use_sim_time=True) as rig:
+        start, publisher = time.time_ns(), rig.node.create_publisher(Clock, '/clock', 10)
+
+        def tick():
+            msg = Clock()
+            msg.clock.sec, msg.clock.nanosec = divmod(loop.time(time.time_ns() - start), NS)
+            publisher.publish(msg)
+
+        rig.node.create_timer(0.02, tick)
+        with cameras(rig, lambda wall: loop.time(wall - start)):
+            for _ in range(effort.count(15, 1000)):
+                rig.spin(random.random() * 0.2)
+                outcomes.append(captured(rig))
+    judge(figures, 'looped /clock', outcomes)
