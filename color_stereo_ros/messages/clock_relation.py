@@ -59,6 +59,8 @@ class ClockRelation:
 
     def __init__(self):
         self._newest = None
+        self.dead = False
+        """The latest stamps are zero or stand still: they say nothing."""
         self.reset()
 
     def reset(self):
@@ -70,8 +72,6 @@ class ClockRelation:
         self._least = self._least_node = None  # lags of the fastest pair by ours and the node's
         self.learned = 0
         """Pairs that it was learned from."""
-        self.dead = False
-        """The latest stamps are zero or stand still: they say nothing."""
 
     def note(self, stamp, arrival):
         """
@@ -88,6 +88,7 @@ class ClockRelation:
         newest, self._newest = self._newest, stamp
         self.dead = stamp == 0 or newest is not None and abs(stamp - newest) < _DEAD
         if self.dead:
+            self.reset()
             return
         if newest is not None and stamp < newest:
             self.reset()
