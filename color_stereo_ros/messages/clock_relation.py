@@ -2,8 +2,8 @@
 """
 How the clock of the cameras relates to ours, learned from when pairs arrive.
 
-No ROS inside. A pair with stamp s arrives at a, after the delay d > 0 from exposure to arrival. Let
-the cameras' clock be ahead of ours by the offset o. Then
+No ROS inside. A pair with stamp s arrives at a, after the delay d > 0 from exposure to arrival.
+Let the cameras' clock be ahead of ours by the offset o. Then
 
     lag = a - s = d - o.
 
@@ -123,7 +123,7 @@ class ClockRelation:
             0 <= self._least_node < _PLAUSIBLE)
 
     def earliest(self, stamp):
-        """Return when a pair with this stamp would have arrived on the fastest path, ns of ours."""
+        """Return when a pair with this stamp came at best, on the fastest path, ns of ours."""
         return stamp + self._least
 
     @property
