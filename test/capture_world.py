@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras, clocks and callers without ROS: what a capture must decide, with the truth beside it."""
+"""Cameras, clocks and callers without ROS: what a capture decides, with the truth beside."""
 
 from dataclasses import dataclass
 from heapq import heappop, heappush

@@ -110,13 +110,13 @@ def test_late_joiners_get_the_last_result_of_a_capture(rig):
     assert rig.set_parameters(input__mode='capture').successful
     trigger(rig, 'capture')
     stamp = trigger(rig, 'capture').message.split()[1].rstrip(':').replace('.', '')
-    rig.listen(Image, 'depth/image')  # the first one: the message is built for it
-    rig.spin_until(lambda: rig.received['depth/image'], 'the last depth')
+    rig.listen(Image, 'status/image')  # the first one: the message is built for it
+    rig.spin_until(lambda: rig.received['status/image'], 'the last status')
     rig.received['late'] = []
-    rig.node.create_subscription(Image, 'depth/image', rig.received['late'].append, LATCHED)
-    rig.spin_until(lambda: rig.received['late'], 'the last depth again')
+    rig.node.create_subscription(Image, 'status/image', rig.received['late'].append, LATCHED)
+    rig.spin_until(lambda: rig.received['late'], 'the last status again')
     rig.spin(0.6)
-    assert rig.stamps('depth/image') == rig.stamps('late') == [int(stamp)]
+    assert rig.stamps('status/image') == rig.stamps('late') == [int(stamp)]
 
 
 def test_a_stream_has_no_late_messages_and_the_mode_changes_while_running(rig):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which pair answers a call: cameras, clocks and callers without ROS, and the truth beside them."""
+"""Which pair answers a call: cameras, clocks and callers without ROS, the truth beside."""
 
 from capture_world import EPOCH, Loop, NS, seconds, World
 

@@ -232,7 +232,8 @@ class Fusion:
         share = self.moved_share
         if share < _NOTED:
             return ''
-        return f'; the scene moved meanwhile: {share:.1%} of the ranges are left out (status MOVED)'
+        return (f'; the scene moved meanwhile: {share:.1%} of the ranges are left out '
+                '(status MOVED)')
 
 
 def _fields(result):

@@ -2,8 +2,8 @@
 """
 Which pair answers a call of ~/capture: one that is exposed after the call.
 
-A state machine of plain numbers. Its events are calls and pairs, each with its moment on our clocks;
-jumps of time show in them. See docs/capture.md for the reasons behind the rules.
+A state machine of plain numbers. Its events are calls and pairs, each with its moment on our
+clocks; jumps of time show in them. See docs/capture.md for the reasons behind the rules.
 
 """
 

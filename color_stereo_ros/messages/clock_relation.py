@@ -2,8 +2,8 @@
 """
 How the clock of the cameras relates to ours, learned from when pairs arrive.
 
-No ROS inside. A pair with stamp s arrives at a, after the delay d > 0 from exposure to arrival. Let
-the cameras' clock be ahead of ours by the offset o. Then
+No ROS inside. A pair with stamp s arrives at a, after the delay d > 0 from exposure to arrival.
+Let the cameras' clock be ahead of ours by the offset o. Then
 
     lag = a - s = d - o.
 
@@ -59,6 +59,8 @@ class ClockRelation:
 
     def __init__(self):
         self._newest = None
+        self.dead = False
+        """The latest stamps are zero or stand still: they say nothing."""
         self.reset()
 
     def reset(self):
@@ -70,8 +72,6 @@ class ClockRelation:
         self._least = self._least_node = None  # lags of the fastest pair by ours and the node's
         self.learned = 0
         """Pairs that it was learned from."""
-        self.dead = False
-        """The latest stamps are zero or stand still: they say nothing."""
 
     def note(self, stamp, arrival):
         """
@@ -88,6 +88,7 @@ class ClockRelation:
         newest, self._newest = self._newest, stamp
         self.dead = stamp == 0 or newest is not None and abs(stamp - newest) < _DEAD
         if self.dead:
+            self.reset()
             return
         if newest is not None and stamp < newest:
             self.reset()
@@ -122,7 +123,7 @@ class ClockRelation:
             0 <= self._least_node < _PLAUSIBLE)
 
     def earliest(self, stamp):
-        """Return when a pair with this stamp would have arrived on the fastest path, ns of ours."""
+        """Return when a pair with this stamp came at best, on the fastest path, ns of ours."""
         return stamp + self._least
 
     @property

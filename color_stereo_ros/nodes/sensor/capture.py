@@ -53,7 +53,7 @@ class Shot:
         return self.measured == self.wanted
 
     def awaits(self, pair):
-        """Tell whether a pair that has been measured is the one that is pending, or a later one."""
+        """Tell whether a measured pair is the one that is pending, or a later one."""
         return self.pending is not None and self.pending <= pair.arrival
 
 
