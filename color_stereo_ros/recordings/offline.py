@@ -13,10 +13,12 @@ from ..core import ColorStereo, ColorStereoError, ImageError, RecordingError
 from ..core.doubts import Doubts
 from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import Header, Image
+from ..messages.frames import frames_of, TOPIC
 from ..messages.outputs import Context, OUTPUTS
 from ..messages.reading import image_to_rgb, stamp_ns
 from ..messages.significant_bits import SignificantBits
 from ..messages.synchronizer import Synchronizer
+from ..messages.trimming import trimmed
 from ..patience import patience
 from .reading import seconds
 from .refusals import Refusals, TOLD
@@ -62,7 +64,7 @@ class OfflineSensor:
         self._watch = CalibrationWatch(
             self._recalibrate, clock=self._clock,
             check=lambda calibration: check_use(calibration, settings))
-        self._stereo = None
+        self._stereo = self._frames = None
         self._waiting = deque(maxlen=WAITING)
         self._values = SignificantBits()
         self._doubts = Doubts(self._doubt, clock=self._clock)
@@ -187,10 +189,19 @@ class OfflineSensor:
 
     def _write(self, result, header, time_ns):
         """Append the outputs."""
-        context = Context(header, self._settings, self._watch.calibration.left.R.T)
+        calibration, settings = self._watch.calibration, self._settings
+        self._write_frames(frames_of(header.frame_id, calibration, settings.output), time_ns)
+        context = Context.of(header, settings, calibration)
+        shown = trimmed(result, context)
         for topic in self._wanted:
-            content = OUTPUTS[topic].content(result, context)
+            content = OUTPUTS[topic].content(shown, context)
             self._writer.write_content(self._namespace + topic, time_ns, content)
+
+    def _write_frames(self, frames, time_ns):
+        """Append the transform between physical and rectified camera, where it is news."""
+        if frames.differ and frames != self._frames:
+            self._writer.write_content(TOPIC, time_ns, frames.transform(time_ns), latched=True)
+        self._frames = frames
 
 
 def _rgb(image, bits, topic):

@@ -7,6 +7,7 @@ from ...core.triangulation import disparity_limits
 from ...errors import bounded
 from ...messages.calibration_watch import check_use
 from ...messages.outputs import Context
+from ...messages.trimming import trimmed
 from .capture import Capture
 from .diagnostics import Diagnostics
 from .inputs import StereoInputs
@@ -15,6 +16,7 @@ from .pattern_watch import PatternWatch
 from .projector_info import ProjectorInfo
 from .save import Save
 from .services import ServiceThread
+from .static_frames import StaticFrames
 from .worker import Setup, Worker
 
 _LOOK_AFTER_PERIOD = 0.25
@@ -46,6 +48,7 @@ class RangeSensor:
         self.outputs = Outputs(node)
         self.pattern = PatternWatch(node, parameters)
         self.projector = ProjectorInfo(node)
+        self.frames = StaticFrames(node)
         self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger,
                              self.outputs.prepare)
         self.inputs = StereoInputs(node, parameters, self._take_pair, self._recalibrate)
@@ -90,6 +93,7 @@ class RangeSensor:
         """Hand a pair to the worker if anybody wants it; runs in the executor's thread."""
         if not self.active:
             return
+        self._note_frames(pair)
         requested = self.capture.takes(pair)
         streaming = self.settings.input.mode == 'stream' and self.outputs.wanted()
         if requested or streaming:
@@ -97,13 +101,20 @@ class RangeSensor:
         else:
             self.skipped += 1
 
+    def _note_frames(self, pair):
+        """Publish the transform between the cameras before anything that needs it."""
+        calibration = self.inputs.calibration.calibration
+        if calibration is not None:
+            self.frames.note(pair.left.header.frame_id, calibration, self.settings.output)
+
     def _publish(self, result, pair, setup):
         """Publish a result, the points first; runs in the worker's thread."""
         topics = self.outputs.wanted()
-        context = Context(pair.left.header, setup.settings, setup.calibration.left.R.T)
-        self.outputs.publish(topics[:1], result, context)
+        context = Context.of(pair.left.header, setup.settings, setup.calibration)
+        shown = trimmed(result, context)
+        self.outputs.publish(topics[:1], shown, context)
         self.worker.note_published(pair)
-        self.outputs.publish(topics[1:], result, context)
+        self.outputs.publish(topics[1:], shown, context)
         self.projector.note(result.projector, context.header)
         self.capture.succeed(pair, result, context)
 
@@ -166,6 +177,7 @@ class RangeSensor:
         self._node.destroy_timer(self._look_after_timer)
         self.pattern.destroy()
         self.projector.destroy()
+        self.frames.destroy()
         self.inputs.destroy()
         self.worker.stop()
         self.outputs.destroy()
