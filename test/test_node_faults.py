@@ -667,7 +667,7 @@ def test_two_publishers_of_one_topic_are_named(rig):
     rig.diagnose(lambda p: p['inputs'].message == 'pairs arrive', 'one publisher')
 
 
-@pytest.mark.parametrize('transport', ['compressed', 'theora'])
+@pytest.mark.parametrize('transport', ['theora'])
 def test_images_that_come_compressed_only_are_told_what_to_do(tmp_path, transport):
     node = NodeProcess(tmp_path / 'log.txt', parameters=PARAMETERS,
                        arguments=['-r', '__ns:=/small'])

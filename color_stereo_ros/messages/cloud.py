@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.results import NORMALS
 from ..core.triangulation import rays
-from .cloud_kernels import fill_points
+from .cloud_kernels import fill_points, join_fields
 from .contents import new_memory, PointCloud2, PointField
 
 POINT_STEP = 16
@@ -44,12 +44,10 @@ def cloud(result, header, *, compact=False, rotation=None, memory=new_memory, fi
     step = 4 * len(names)
     data = memory(rows * columns * step)
     view = np.frombuffer(data, np.float32).reshape(rows, columns, len(names))
-    if compact or fields:
-        _write(_all_points(result, rotation), view[..., :4], known)
+    if compact:
+        _pick(_filled(_new_records(result, names), result, rotation, fields), known, view)
     else:
-        _fill(view, result, rotation)
-    for place, values in enumerate(_optional(result, rotation, fields), 4):
-        view[..., place] = values if known is None else values[known]
+        _filled(view, result, rotation, fields)
     return PointCloud2(header, rows, columns, _described(names), False, step, step * columns,
                        data, compact)
 
@@ -59,34 +57,41 @@ def _described(names):
     return tuple(PointField(name, 4 * place) for place, name in enumerate(names))
 
 
-def _all_points(result, rotation):
-    """Return x, y, z and the bits of the color of every pixel, float32 (H, W, 4)."""
-    records = np.empty((*result.depth.shape, 4), np.float32)
-    _fill(records, result, rotation)
+def _new_records(result, names):
+    return np.empty((*result.depth.shape, len(names)), np.float32)
+
+
+def _pick(records, known, view):
+    """Write the known records, float32 (H, W, n), into the one row of a message."""
+    if records.itemsize * records.shape[2] == POINT_STEP:
+        # complex128 has the 16 bytes of a point: they are picked as one
+        records, view = records.view(np.complex128), view.view(np.complex128)
+    view[0] = records[known]
+
+
+def _filled(records, result, rotation, fields):
+    """Write all fields into float32 (H, W, 4 + number of optional ones); return them."""
+    if not fields:
+        _fill(records, result, rotation)
+        return records
+    first = _new_records(result, _NAMES)
+    _fill(first, result, rotation)
+    join_fields(first, _optional(result, rotation, fields), records)
     return records
 
 
-def _write(records, view, known):
-    """Write all records, or the known ones, into a part of each point of the message."""
-    if known is None:
-        view[:] = records
-    elif view.strides[-2] == POINT_STEP:
-        # complex128 has the 16 bytes of a point: they are picked as one
-        view.view(np.complex128)[0, :, 0] = records.view(np.complex128)[..., 0][known]
-    else:
-        view[0] = records[known]
-
-
 def _optional(result, rotation, fields):
-    """Yield the values of optional fields, float32 (H, W)."""
+    """Return the values of optional fields, float32 (number, H, W)."""
+    values = np.empty((len(fields), *result.depth.shape), np.float32)
     turned = None
-    for name in fields:
+    for name, out in zip(fields, values):
         if name not in NORMALS:
-            yield getattr(result, name)
+            out[:] = getattr(result, name)
             continue
         if turned is None:
             turned = _turned(result.normals(), rotation)
-        yield turned[..., NORMALS.index(name)]
+        out[:] = turned[..., NORMALS.index(name)]
+    return values
 
 
 def _fill(records, result, rotation):

@@ -17,7 +17,9 @@ from .contents import CompressedImage
 INVERSE_DEPTH = 0
 """The one compressionFormat of compressed_depth_image_transport."""
 CODES = 65534
-"""Steps between the codes of the nearest depth, 65535, and of the farthest, 1; 0 = unknown."""
+"""Most steps between the codes of the nearest depth and of the farthest, 1; 0 = unknown."""
+USUAL_A = 100.0 * (100.0 + 1.0)
+"""m, of the plugin: q (q + 1), where its parameter depth_quantization q is 100 by default."""
 PNG_LEVEL = 1
 """The fastest: higher ones take several times as long, and the noise of a depth stays."""
 JPEG_QUALITY = 95
@@ -29,8 +31,9 @@ def compressed_depth(pixels, encoding, header, nearest, farthest):
     Return a depth image as compressed_depth_image_transport writes it.
 
     A depth Z in m becomes the code A / Z + B, rounded; a reader computes A / (code - B), and NaN
-    for the code 0. A and B stand in the message and are chosen so that the codes fill 16 bits
-    between the limits. An error of half a code is Z^2 / (2 A). mm are stored as they are.
+    for the code 0. A and B stand in the message. A is that of the plugin, or smaller where the
+    codes between the limits would not fit 16 bits; B gives the farthest depth the code 1. The
+    error is at most half a code, Z^2 / (2 A). mm are stored as they are.
 
     Parameters
     ----------
@@ -50,7 +53,7 @@ def compressed_depth(pixels, encoding, header, nearest, farthest):
     """
     a = b = 0.0
     if encoding == '32FC1':
-        a = CODES / (1 / nearest - 1 / farthest)
+        a = min(USUAL_A, CODES / (1 / nearest - 1 / farthest))
         b = 1 - a / farthest
         codes = np.rint(np.float32(a) / pixels + np.float32(b))
         pixels = np.nan_to_num(np.clip(codes, 1, CODES + 1), nan=0.0).astype(np.uint16)

@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..core.status import Status
+from ..core.triangulation import rays
+from .cloud_kernels import find_outside
 
 
 def trimmed(result, context):
@@ -54,13 +56,10 @@ def cropped(result, box, rotation=None):
     result : RangeResult
 
     """
-    points = result.points()
-    if rotation is not None:
-        points = points @ rotation.T.astype(np.float32)
-    inside = np.ones(result.depth.shape, bool)
-    for axis, (low, high) in enumerate(box):
-        inside &= (points[..., axis] >= low) & (points[..., axis] <= high)
-    outside = np.isfinite(result.depth) & ~inside
+    outside = np.empty(result.depth.shape, bool)
+    turn = np.eye(3) if rotation is None else rotation
+    find_outside(result.depth, *rays(result.geometry), turn.astype(np.float32, order='C'),
+                 box.astype(np.float32), outside)
 
     def unknown(values, nothing):
         return np.where(outside, values.dtype.type(nothing), values)

@@ -12,7 +12,8 @@ from collections import deque
 from ..core import ColorStereo, ColorStereoError, ImageError, RecordingError
 from ..core.doubts import Doubts
 from ..messages.calibration_watch import CalibrationWatch, check_use
-from ..messages.contents import Header, Image
+from ..messages.contents import CompressedImage, Header, Image
+from ..messages.decompressing import opened
 from ..messages.frames import frames_of, TOPIC
 from ..messages.outputs import Context, OUTPUTS
 from ..messages.reading import image_to_rgb, stamp_ns
@@ -93,7 +94,7 @@ class OfflineSensor:
             return
         side = 'left' if message.topic in (self._topics.left_image,
                                            self._topics.left_info) else 'right'
-        if message.type != Image.TYPE:
+        if message.type not in (Image.TYPE, CompressedImage.TYPE):
             self._watch.add(side, content)
         else:
             pair = self._synchronizer.add(side, stamp_ns(content.header), content)
@@ -178,7 +179,7 @@ class OfflineSensor:
 
     def _images_of(self, pair):
         """Return both images of a pair as RGB, and say once what is odd about their values."""
-        bits = self._settings.input.significant_bits
+        bits, pair = self._settings.input.significant_bits, opened(pair)
         images = (_rgb(pair.left, bits, self._topics.left_image),
                   _rgb(pair.right, bits, self._topics.right_image))
         self._values.note(pair)

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The publishers of range_node: an output is computed when somebody listens, the points first."""
 
+import numpy as np
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from ...core.results import POINT_FIELDS
 from ...messages.cloud import cloud
 from ...messages.contents import Header
 from ...messages.outputs import OUTPUTS
+from ...messages.trimming import cropped
 from ..filling import message_class, Reused
 from ..qos import incompatible_policy
 
@@ -64,7 +67,8 @@ class Outputs:
     @staticmethod
     def prepare(result):
         """Compile or load what the messages of any result need."""
-        cloud(result, Header())
+        cloud(result, Header(), fields=POINT_FIELDS)
+        cropped(result, np.zeros((3, 2)))
 
     def publish(self, topics, result, context):
         """
