@@ -65,9 +65,9 @@ class RangeResult(Measurement):
     """(smallest, largest) disparity searched, px, from range.min_depth and range.max_depth."""
     seconds: dict = field(default_factory=dict)
     """Duration of each stage, s."""
-    planar: bool = False
+    planar: bool = field(default=False, kw_only=True)
     """The disparities of 2 x 2 pixels lie on a plane that was fitted to the images."""
-    normals_source: object = None
+    normals_source: object = field(default=None, kw_only=True)
     """A function that returns the normals, where they are a part of others; None: computed."""
 
     @cached_property

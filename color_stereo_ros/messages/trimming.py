@@ -46,8 +46,8 @@ def cropped(result, box, rotation=None):
     Parameters
     ----------
     result : RangeResult
-    box : numpy.ndarray, shape (3, 2)
-        Smallest and largest x, y, z, m; both belong to the box.
+    box : sequence
+        Smallest and largest x, y and z, m; both belong to the box.
     rotation : numpy.ndarray, shape (3, 3), optional
         From the rectified left camera to the frame of the box.
 
@@ -59,7 +59,7 @@ def cropped(result, box, rotation=None):
     outside = np.empty(result.depth.shape, bool)
     turn = np.eye(3) if rotation is None else rotation
     find_outside(result.depth, *rays(result.geometry), turn.astype(np.float32, order='C'),
-                 box.astype(np.float32), outside)
+                 np.array(box, np.float32), outside)
 
     def unknown(values, nothing):
         return np.where(outside, values.dtype.type(nothing), values)

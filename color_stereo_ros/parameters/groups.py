@@ -3,8 +3,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..core.false_color import RANGE_COLORS, RANGE_LIMITS
 from ..core.results import POINT_FIELDS
 from ..core.settings import Group, PatternSettings, setting, Settings
@@ -96,9 +94,9 @@ class OutputSettings(PictureSettings):
 
     @property
     def box(self):
-        """Return `region` as float64 (3, 2), smallest and largest x, y, z, m; None: no box."""
-        numbers = self.region.replace(',', ' ').split()
-        return np.array(numbers, np.float64).reshape(3, 2) if numbers else None
+        """Return `region` as ((x_min, x_max), (y_min, y_max), (z_min, z_max)), m; None: no box."""
+        numbers = [float(number) for number in self.region.replace(',', ' ').split()]
+        return tuple(zip(numbers[::2], numbers[1::2])) or None
 
     def check_together(self):
         """Refuse lists in texts that cannot be read, and a decimation between its values."""
@@ -108,14 +106,18 @@ class OutputSettings(PictureSettings):
             if name not in POINT_FIELDS:
                 raise SettingsError(f'output.point_fields: {brief(name)} is not one of '
                                     f'{", ".join(POINT_FIELDS)}')
-        try:
-            box = self.box
-        except ValueError:
-            box = np.full((3, 2), np.nan)
-        if box is not None and not (box[:, 0] < box[:, 1]).all():
+        if not self._is_box():
             raise SettingsError(f'output.region = {brief(self.region)} is no box, expected x_min '
                                 'x_max y_min y_max z_min z_max in m, each minimum below its '
                                 'maximum')
+
+    def _is_box(self):
+        """Return whether `region` is empty or can be read."""
+        count = len(self.region.replace(',', ' ').split())
+        try:
+            return not count or count == 6 and all(low < high for low, high in self.box)
+        except ValueError:
+            return False
 
 
 @dataclass(frozen=True)
