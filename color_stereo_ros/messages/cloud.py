@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The points of a result as the content of a sensor_msgs/PointCloud2."""
 
-import cv2
 import numpy as np
 
 from ..core.results import NORMALS
 from ..core.triangulation import rays
-from .cloud_kernels import fill_points, join_fields
+from .cloud_kernels import fill_points, join_fields, turn_vectors
 from .contents import new_memory, PointCloud2, PointField
 
 POINT_STEP = 16
@@ -98,9 +97,18 @@ def _fill(records, result, rotation):
     """Write x, y, z and the bits of the color into float32 (H, W, 4)."""
     fill_points(result.depth, result.image, *rays(result.geometry), records)
     if rotation is not None:
-        records[..., :3] = _turned(np.ascontiguousarray(records[..., :3]), rotation)
+        turn_vectors(records, single(rotation))
 
 
 def _turned(vectors, rotation):
     """Return float32 (H, W, 3) in another frame."""
-    return vectors if rotation is None else cv2.transform(vectors, rotation.astype(np.float32))
+    if rotation is None:
+        return vectors
+    turned = vectors.copy()
+    turn_vectors(turned, single(rotation))
+    return turned
+
+
+def single(rotation):
+    """Return a rotation as kernels take it, float32 (3, 3) by rows."""
+    return np.asarray(rotation, np.float32, order='C')

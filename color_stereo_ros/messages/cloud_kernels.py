@@ -31,6 +31,18 @@ def fill_points(depth, image, rays_x, rays_y, records):
 
 
 @serial()
+def turn_vectors(vectors, rotation):
+    """Turn the first three of the last axis of float32 (H, W, n) by float32 (3, 3), in place."""
+    rows, columns = vectors.shape[:2]
+    for v in range(rows):
+        for u in range(columns):
+            x, y, z = vectors[v, u, 0], vectors[v, u, 1], vectors[v, u, 2]
+            for axis in range(3):
+                vectors[v, u, axis] = (rotation[axis, 0] * x + rotation[axis, 1] * y
+                                       + rotation[axis, 2] * z)
+
+
+@serial()
 def join_fields(records, values, out):
     """
     Write the four fields and the optional ones of every pixel beside each other.

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..core.status import Status
 from ..core.triangulation import rays
+from .cloud import single
 from .cloud_kernels import find_outside
 
 
@@ -57,9 +58,9 @@ def cropped(result, box, rotation=None):
 
     """
     outside = np.empty(result.depth.shape, bool)
-    turn = np.eye(3) if rotation is None else rotation
-    find_outside(result.depth, *rays(result.geometry), turn.astype(np.float32, order='C'),
-                 np.array(box, np.float32), outside)
+    find_outside(result.depth, *rays(result.geometry),
+                 single(np.eye(3) if rotation is None else rotation), np.array(box, np.float32),
+                 outside)
 
     def unknown(values, nothing):
         return np.where(outside, values.dtype.type(nothing), values)

@@ -67,7 +67,7 @@ class Outputs:
     @staticmethod
     def prepare(result):
         """Compile or load what the messages of any result need."""
-        cloud(result, Header(), fields=POINT_FIELDS)
+        cloud(result, Header(), fields=POINT_FIELDS, rotation=np.eye(3))
         cropped(result, np.zeros((3, 2)))
 
     def publish(self, topics, result, context):
