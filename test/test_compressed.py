@@ -201,7 +201,8 @@ def test_the_sampling_of_a_jpeg_is_read_from_its_frame_header(name):
 
 
 def test_gray_jpegs_and_pngs_have_no_sampling():
-    assert look_at(message(picture()[..., 0], 'mono8; jpeg compressed mono8', '.jpg')).doubt is None
+    gray = message(picture()[..., 0], 'mono8; jpeg compressed mono8', '.jpg')
+    assert look_at(gray).doubt is None
     look = look_at(message(picture(40, 56), 'png'))
     assert (look.width, look.height, look.doubt) == (56, 40, None)
 

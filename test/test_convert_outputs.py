@@ -50,7 +50,8 @@ def converted(tmp_path, compressed, *options):
     bag = recorded(tmp_path / f'bag{compressed}', verged_rig(), compressed)
     result = tmp_path / f'result{compressed}'
     transport = ['--input.transport', 'compressed'] if compressed else []
-    assert cli.main(['convert', str(bag), str(result), *OPTIONS, *transport, *options]) in (0, None)
+    words = ['convert', str(bag), str(result), *OPTIONS, *transport, *options]
+    assert not cli.main(words)
     found = {}
     with Recording(result) as recording:
         for message in recording.messages():

@@ -198,7 +198,8 @@ def output_table(figures):
 
 
 TABLES = {'machine': machine_text, 'goals': goal_table, 'times': time_table,
-          'stages': stage_table, 'node': node_table, 'starts': start_table, 'outputs': output_table}
+          'stages': stage_table, 'outputs': output_table, 'node': node_table,
+          'starts': start_table}
 
 
 def with_tables(text, figures):

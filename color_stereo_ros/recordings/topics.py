@@ -113,7 +113,8 @@ def _existing(recording, name, prefix):
 
 def _namespace(recording, compressed):
     ending = STEREO_TOPICS.left_image + _SUFFIX * compressed
-    found = {_folder(topic, ending) for topic in recording.topics if f'/{topic}'.endswith(f'/{ending}')}
+    found = {_folder(topic, ending) for topic in recording.topics
+             if f'/{topic}'.endswith(f'/{ending}')}
     if not found:
         raise RecordingError(f'{recording.path}: no topic ends with /{ending}; '
                              f'{_question(recording)}')
