@@ -248,3 +248,51 @@ def place_patch(image, pattern, pixel, place, affine, rounds, farthest, half, da
     variance = error @ error / (2 * len(offsets) - 8)
     spread = math.sqrt(variance * np.trace(np.linalg.inv(normal)) / 2)
     return np.array([*at, spread, 1 - error @ error / np.sum(own ** 2)])
+
+
+def fitted_slopes(disparity, reach, stride, gate, ridge):
+    """
+    Return the slopes of the disparity on nodes of 2 x 2 pixels, rows of (a, b), px per node.
+
+    See `core.normal_kernels.fit_slopes`: a plane in the sense of least squares through the nodes
+    around that go on into the plane here, and these into that.
+
+    """
+    rows, columns = disparity.shape[0] // 2, disparity.shape[1] // 2
+    nodes = {(j, i): _node_plane(disparity[2 * j:2 * j + 2, 2 * i:2 * i + 2].astype(float))
+             for j in range(rows) for i in range(columns)}
+    return [[_slopes_at(nodes, j, i, reach, stride, gate, ridge) for i in range(columns)]
+            for j in range(rows)]
+
+
+def _node_plane(block):
+    """Return mean disparity and slopes of 2 x 2 pixels, NaN where they are unknown."""
+    def mean(values):
+        known = [value for value in values if np.isfinite(value)]
+        return sum(known) / len(known) if known else np.nan
+
+    a, b = 2 * mean(block[:, 1] - block[:, 0]), 2 * mean(block[1] - block[0])
+    known = np.isfinite(a) and np.isfinite(b)
+    return mean(block.ravel()), a if known else np.nan, b if known else np.nan
+
+
+def _slopes_at(nodes, j, i, reach, stride, gate, ridge):
+    """Return (a, b) of one node."""
+    d, a, b = nodes[j, i]
+    equations, values, slopes = [], [], []
+    for dj in range(-reach, reach + 1, stride):
+        for di in range(-reach, reach + 1, stride):
+            other, its_a, its_b = nodes.get((j + dj, i + di), (np.nan,) * 3)
+            if not abs(other - d - its_a * di - its_b * dj) <= gate:
+                continue
+            if np.isfinite(a) and not abs(other - d - a * di - b * dj) <= gate:
+                continue
+            equations.append([1.0, di, dj])
+            values.append(other - d)
+            slopes.append([its_a, its_b])
+    if not equations:
+        return np.nan, np.nan
+    mean = np.mean(slopes, axis=0)
+    equations += [[0, np.sqrt(ridge), 0], [0, 0, np.sqrt(ridge)]]
+    values += [np.sqrt(ridge) * mean[0], np.sqrt(ridge) * mean[1]]
+    return tuple(np.linalg.lstsq(np.array(equations), np.array(values), rcond=None)[0][1:])

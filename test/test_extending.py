@@ -168,7 +168,7 @@ def test_the_output_is_among_the_topics(example, capsys):
                                    'left camera to the surface, NaN = unknown |\n')
     with pytest.raises(SystemExit):
         cli.main(['convert', '--help'])
-    assert 'range_image, distance/image' in ' '.join(capsys.readouterr().out.split())
+    assert 'range_image/compressed, distance/image' in ' '.join(capsys.readouterr().out.split())
 
 
 @of('output topic')

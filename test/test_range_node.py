@@ -3,12 +3,15 @@
 
 from array import array
 import signal
+import struct
 
-from color_stereo_ros.core import ColorStereo, Settings
+from color_stereo_ros.core import ColorStereo, Settings, StereoCalibration
 from color_stereo_ros.core.false_color import automatic_limits, false_color, status_picture
 from color_stereo_ros.core.legends import with_status_legend
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.messages.reading import image_to_rgb
+
+import cv2
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -19,17 +22,25 @@ import pytest
 from ros_rig import (answering, calibration, DEPTH, floats, HEIGHT, image_message, NodeProcess,
                      PAPER, Rig, scene, WIDTH)
 
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from stereo_msgs.msg import DisparityImage
 
 TOPICS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
           'disparity': DisparityImage, 'confidence/image': Image, 'depth_std/image': Image,
-          'status/image': Image, 'status_picture': Image, 'range_image': Image}
+          'status/image': Image, 'status_picture': Image, 'range_image': Image,
+          'left/image_rect_color': Image, 'depth/image/compressedDepth': CompressedImage,
+          'range_image/compressed': CompressedImage}
 SETTINGS = Settings().updated(PAPER)
 DEFAULTS = {'output.depth_encoding': '32FC1', 'output.frame': 'rectified',
             'output.compact_points': False, 'output.range_colors': 'viridis',
-            'output.range_limits': 'fixed', 'input.rectified': False}
+            'output.range_limits': 'fixed', 'input.rectified': False, 'output.frame_id': '',
+            'output.point_fields': '', 'output.region': '', 'output.decimation': 1,
+            'input.transport': 'raw'}
+JPEG_444, JPEG_420 = ((cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, factor)
+                      for factor in (cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+                                     cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420))
+VERGED = 'left_camera_rectified_optical_frame'
 
 
 @pytest.fixture(scope='module')
@@ -51,6 +62,15 @@ def rig(running):
     assert result.successful, result.reason
 
 
+def converging():
+    """Return the calibration of the tiny rig with both cameras turned, each by half a degree."""
+    wide = calibration()
+    turned = cv2.Rodrigues(np.radians([0.0, 0.5, 0.0]))[0]
+    R = turned @ turned
+    return StereoCalibration.from_arrays((WIDTH, HEIGHT), wide.left.K, None, wide.right.K, None,
+                                         R, -R @ turned.T @ [0.06, 0, 0])
+
+
 def expected(rig, **options):
     """Return what the core makes of the rig's images."""
     stereo = ColorStereo(rig.calibration, SETTINGS, **options)
@@ -68,6 +88,15 @@ def all_outputs(rig):
     settle(rig)
     stamp = rig.send_pair()
     return {topic: rig.await_output(topic, stamp) for topic in TOPICS}
+
+
+def outputs_in(rig, frame):
+    """Send pairs until depth/image is in a frame; return all outputs of that pair by topic."""
+    for _ in range(50):
+        outputs = all_outputs(rig)
+        if outputs['depth/image'].header.frame_id == frame:
+            return outputs
+    raise AssertionError(f'never in {frame}')
 
 
 def test_the_tiny_rig_measures_what_it_shows(rig):
@@ -228,6 +257,176 @@ def test_a_12_bit_camera_is_noticed_once_and_read_by_its_significant_bits(tmp_pa
     rig.close()
 
 
+def test_a_verged_rig_has_a_frame_of_its_own_for_what_is_rectified(rig):
+    rig.calibration = converging()
+    outputs = outputs_in(rig, VERGED)
+    assert {msg.header.frame_id for msg in outputs.values()} == {VERGED}
+    assert rig.set_parameters(output__frame='camera').successful
+    outputs = all_outputs(rig)
+    assert {topic for topic, msg in outputs.items() if msg.header.frame_id != VERGED} == {'points'}
+    assert outputs['points'].header.frame_id == 'left_camera_optical_frame'
+    assert rig.set_parameters(output__frame_id='cell_camera').successful
+    outputs_in(rig, 'cell_camera')
+
+
+def test_a_verged_rig_publishes_the_transform_or_says_how(rig):
+    try:
+        import tf2_msgs.msg  # noqa: F401
+        there = True
+    except ImportError:
+        there = False
+    rig.calibration = converging()
+    outputs_in(rig, VERGED)
+    rig.process.wait_until_said(f"outputs are in the frame '{VERGED}'")
+    text = rig.process.text()
+    assert ('ros2 run tf2_ros static_transform_publisher --x 0' in text) != there
+    assert (' is on /tf_static' in text) == there
+
+
+def test_the_rectified_color_image_fits_the_depth_and_colors_its_points(rig):
+    rig.calibration = converging()
+    outputs = all_outputs(rig)
+    color, depth = outputs['left/image_rect_color'], outputs['depth/image']
+    assert (color.encoding, color.height, color.width) == ('rgb8', depth.height, depth.width)
+    pixels = np.frombuffer(color.data, np.uint8).reshape(HEIGHT, WIDTH, 3)
+    np.testing.assert_array_equal(pixels, expected(rig).image)
+    # depth_image_proc, point_cloud_xyzrgb: depth, color and camera_info give the cloud
+    bits = pixels.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
+    cloud = np.frombuffer(outputs['points'].data, np.uint32).reshape(HEIGHT, WIDTH, 4)
+    np.testing.assert_array_equal(cloud[..., 3], bits)
+
+
+def test_compressed_outputs_hold_what_the_raw_ones_do(rig):
+    outputs = all_outputs(rig)
+    data = bytes(outputs['depth/image/compressedDepth'].data)
+    _, a, b = struct.unpack('<iff', data[:12])
+    codes = cv2.imdecode(np.frombuffer(data[12:], np.uint8), cv2.IMREAD_UNCHANGED)
+    with np.errstate(divide='ignore'):
+        depth = np.where(codes > 0, a / (codes.astype(np.float32) - b), np.nan)
+    np.testing.assert_allclose(depth, floats(outputs['depth/image']), atol=5e-5)
+    assert outputs['depth/image/compressedDepth'].format == '32FC1; compressedDepth png'
+    picture = outputs['range_image/compressed']
+    found = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert picture.format == 'bgr8; jpeg compressed bgr8' and found.shape == (HEIGHT, WIDTH, 3)
+
+
+def test_points_have_the_fields_that_are_asked_for(rig):
+    assert rig.set_parameters(
+        output__point_fields='normal_x normal_y normal_z confidence depth_std').successful
+    msg, result = rig.good_pair('points'), expected(rig)
+    assert [field.name for field in msg.fields] == [
+        'x', 'y', 'z', 'rgb', 'normal_x', 'normal_y', 'normal_z', 'confidence', 'depth_std']
+    assert (msg.point_step, msg.row_step) == (36, 36 * WIDTH)
+    points = np.frombuffer(msg.data, np.float32).reshape(HEIGHT, WIDTH, 9)
+    np.testing.assert_array_equal(points[..., :3], result.points())
+    np.testing.assert_array_equal(points[..., 4:7], result.normals())
+    np.testing.assert_array_equal(points[..., 7], result.confidence)
+    np.testing.assert_array_equal(points[..., 8], result.depth_std)
+    assert np.isfinite(points).all(axis=-1).any()
+
+
+def test_a_decimated_pair_is_a_subset_in_every_output(rig):
+    assert rig.set_parameters(output__decimation=2).successful
+    outputs, result = all_outputs(rig), expected(rig)
+    depth = floats(outputs['depth/image'])
+    np.testing.assert_array_equal(depth, result.depth[::2, ::2])
+    info = outputs['depth/camera_info']
+    assert (info.width, info.height) == (WIDTH // 2, HEIGHT // 2)
+    p, (v, u) = info.p.reshape(3, 4), np.mgrid[:HEIGHT // 2, :WIDTH // 2]
+    z = depth.astype(np.float64)
+    xyz = np.stack(((u - p[0, 2]) * z / p[0, 0], (v - p[1, 2]) * z / p[1, 1], z), axis=-1)
+    cloud = np.frombuffer(outputs['points'].data, np.float32).reshape(HEIGHT // 2, WIDTH // 2, 4)
+    np.testing.assert_allclose(cloud[..., :3], xyz, rtol=1e-6)
+    np.testing.assert_array_equal(cloud[..., :3], result.points()[::2, ::2])
+    assert outputs['left/image_rect_color'].width == WIDTH // 2
+
+
+def test_outside_of_the_region_nothing_is_known_and_the_size_stays(rig):
+    assert rig.set_parameters(output__region='0 inf -1 1 0 2').successful
+    outputs, result = all_outputs(rig), expected(rig)
+    inside = result.points()[..., 0] >= 0
+    depth = floats(outputs['depth/image'])
+    np.testing.assert_array_equal(depth, np.where(inside, result.depth, np.nan))
+    assert 0 < np.isfinite(depth).sum() < np.isfinite(result.depth).sum()
+    status = np.frombuffer(outputs['status/image'].data, np.uint8).reshape(HEIGHT, WIDTH)
+    assert (status[np.isfinite(result.depth) & ~inside] == Status.OUT_OF_RANGE).all()
+
+
+def compressed_message(pixels, text, suffix, *options):
+    """Return a message with BGR pixels or a mosaic as a file."""
+    data = cv2.imencode(suffix, pixels, options)[1].tobytes()
+    return CompressedImage(format=text, data=array('B', data))
+
+
+def send_compressed(rig, publishers, messages):
+    """Publish a pair of compressed images and return its stamp, ns."""
+    stamp = rig.tick()
+    rig.send_infos()
+    for side, message in messages.items():
+        publishers[side].publish(rig.stamped(message, stamp))
+    return stamp
+
+
+@pytest.fixture
+def compressed(rig):
+    """Yield publishers of compressed images, by side; the node listens to them."""
+    publishers = {side: rig.node.create_publisher(CompressedImage, f'{side}/image_raw/compressed',
+                                                  10) for side in ('left', 'right')}
+    assert rig.set_parameters(input__transport='compressed').successful
+    rig.spin_until(lambda: all(publisher.get_subscription_count()
+                               for publisher in publishers.values()), 'subscriptions')
+    yield publishers
+    for publisher in publishers.values():
+        rig.node.destroy_publisher(publisher)
+
+
+@pytest.mark.parametrize('suffix', ['.png', '.jpg'])
+def test_compressed_images_give_the_depth_of_what_they_decode_to(rig, compressed, suffix):
+    messages = {side: compressed_message(image[..., ::-1], 'rgb8; x compressed bgr8', suffix,
+                                         *JPEG_444 * (suffix == '.jpg'))
+                for side, image in rig.images.items()}
+    stamp = send_compressed(rig, compressed, messages)
+    depth = rig.await_output('depth/image', stamp)
+    rig.images = {side: np.ascontiguousarray(cv2.imdecode(np.frombuffer(
+        message.data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1])
+        for side, message in messages.items()}
+    assert bytes(depth.data) == expected(rig).depth.tobytes()
+    assert np.isfinite(floats(depth)).mean() > 0.5
+
+
+def test_compressed_mosaics_give_the_depth_of_their_demosaiced_images(rig, compressed):
+    mosaics = {side: np.ascontiguousarray(image[..., 1]) for side, image in rig.images.items()}
+    stamp = send_compressed(rig, compressed, {
+        side: compressed_message(mosaic, 'bayer_rggb8; png compressed ', '.png')
+        for side, mosaic in mosaics.items()})
+    depth = rig.await_output('depth/image', stamp)
+    rig.images = {side: image_to_rgb(Image(
+        height=HEIGHT, width=WIDTH, encoding='bayer_rggb8', step=WIDTH,
+        data=array('B', mosaic.tobytes()))) for side, mosaic in mosaics.items()}
+    assert bytes(depth.data) == expected(rig).depth.tobytes()
+
+
+def test_jpegs_whose_colors_are_coarse_are_noticed(rig, compressed):
+    messages = {side: compressed_message(image[..., ::-1], 'jpeg', '.jpg', *JPEG_420)
+                for side, image in rig.images.items()}
+    stamp = send_compressed(rig, compressed, messages)
+    rig.await_output('depth/image', stamp)
+    words = 'left image is JPEG 4:2:0: 2 x 2 px share one color'
+    rig.process.wait_until_said(words)
+    rig.diagnose(lambda parts: words in parts['inputs'].message, words)
+
+
+def test_a_damaged_compressed_image_is_refused_and_the_next_is_measured(rig, compressed):
+    good = {side: compressed_message(image[..., ::-1], 'png', '.png')
+            for side, image in rig.images.items()}
+    bad = {side: CompressedImage(format='png', data=message.data[:-40])
+           for side, message in good.items()}
+    send_compressed(rig, compressed, bad)
+    rig.process.wait_until_said('left image refused: the PNG ends too early')
+    depth = rig.await_output('depth/image', send_compressed(rig, compressed, good))
+    assert bytes(depth.data) == expected(rig).depth.tobytes()
+
+
 def test_16uc1_is_millimeters_with_zero_for_unknown(rig):
     assert rig.set_parameters(output__depth_encoding='16UC1').successful
     msg = rig.good_pair()
@@ -250,7 +449,9 @@ def test_the_compact_cloud_holds_the_known_points_only(rig):
 
 
 def test_the_camera_frame_gives_points_rotated_by_r_transposed(rig):
-    rig.calibration = calibration(verged=0.05)
+    rig.calibration = converging()
+    assert np.abs(rig.calibration.left.R - np.eye(3)).max() > 0.008
+    outputs_in(rig, VERGED)
     assert rig.set_parameters(output__frame='camera').successful
     rig.send_pair()
     rig.spin(0.5)

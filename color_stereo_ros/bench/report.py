@@ -189,8 +189,17 @@ def start_table(figures):
     return markdown(('kernel cache', 'ready, s', 'first cloud, s', 'largest memory, MB'), rows)
 
 
+def output_table(figures):
+    """Return the cost of every output as a Markdown table."""
+    return markdown(('output', 'median, ms', 'least, ms', 'data, kB'), [
+        (f'`{name}`' if not name.startswith('input') else name, f'{1e3 * cost["median"]:.2f}',
+         f'{1e3 * cost["least"]:.2f}', f'{cost["bytes"] / 1e3:.0f}' if cost['bytes'] else '')
+        for name, cost in figures.get('outputs', {}).items()])
+
+
 TABLES = {'machine': machine_text, 'goals': goal_table, 'times': time_table,
-          'stages': stage_table, 'node': node_table, 'starts': start_table}
+          'stages': stage_table, 'outputs': output_table, 'node': node_table,
+          'starts': start_table}
 
 
 def with_tables(text, figures):

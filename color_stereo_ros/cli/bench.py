@@ -9,7 +9,7 @@ NEEDS = '[tools], [ros]'
 
 RATES = 30.0, 60.0  # Hz
 STARTS = 5  # of range_node, of which the median counts
-PARTS = 'times', 'first', 'node'
+PARTS = 'times', 'outputs', 'first', 'node'
 
 
 def add_arguments(parser):
@@ -65,6 +65,8 @@ def measured(args):
     with tempfile.TemporaryDirectory(prefix='color_stereo_bench_') as folder:
         if 'times' in parts:
             figures['times'] = _times(args.rounds, folder)
+        if 'outputs' in parts:
+            figures['outputs'] = _outputs(args.rounds, folder)
         if 'first' in parts:
             figures |= _first(folder)
         if 'node' in parts:
@@ -84,6 +86,15 @@ def _times(rounds, folder):
           'warm, for AVX2 they are compiled', flush=True)
     found = interleaved(contenders, rounds, folder, partial(Progress, unit='round'))
     return {item.name: times for item, times in found.items()}
+
+
+def _outputs(rounds, folder):
+    """Return what each output costs."""
+    from ..bench.outputs import measured as outputs_measured
+    from ..bench.scene import VGA
+    from ..bench.times import save_pair
+    print('outputs', flush=True)
+    return outputs_measured(save_pair(Path(folder) / 'outputs', VGA), rounds)
 
 
 def _first(folder):

@@ -50,7 +50,8 @@ def run(args):
                             'the result')
     with Recording(args.recording) as recording:
         topics = recording.stereo_topics(args.namespace, StereoTopics(
-            args.left_image, args.right_image, args.left_info, args.right_info))
+            args.left_image, args.right_image, args.left_info, args.right_info),
+            settings.input.transport == 'compressed')
         with write_recording(args.result, overwrite=args.overwrite) as writer, \
                 Progress(total=recording.counts[topics.left_image], unit='pair') as progress:
             sensor = OfflineSensor(recording, writer, topics, settings, args.topics,

@@ -182,7 +182,7 @@ class ColorStereo:
         return RangeResult(
             **vars(found), image_source=image,
             geometry=self.calibration.geometry, disparity_limits=self._limits,
-            seconds=clock.seconds)
+            seconds=clock.seconds, planar=getattr(self._method, 'planar', False))
 
     def _measure(self, left, right, alignment, projector, image, clock):
         if not hasattr(self._method, 'match_aligned'):

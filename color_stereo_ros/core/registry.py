@@ -7,7 +7,8 @@ import re
 
 from ..errors import ColorStereoError
 
-NAME = re.compile(r'[a-z][a-z0-9_]*(/[a-z][a-z0-9_]*)*')
+# capitals behind a '/': image_transport calls a topic compressedDepth
+NAME = re.compile(r'[a-z][a-z0-9_]*(/[a-z][a-zA-Z0-9_]*)*')
 
 
 class Registry:

@@ -7,10 +7,16 @@ from functools import cached_property
 import numpy as np
 
 from .cameras.geometry import RectifiedGeometry
+from .normals import normals_of
 from .projector.tracking import Track
 from .rows.alignment import Alignment
 from .status import Status
 from .triangulation import points_from_depth
+
+NORMALS = 'normal_x', 'normal_y', 'normal_z'
+"""The components of `RangeResult.normals`, as fields of points are named."""
+POINT_FIELDS = *NORMALS, 'confidence', 'depth_std'
+"""What a result knows of each point beside place and color."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +65,10 @@ class RangeResult(Measurement):
     """(smallest, largest) disparity searched, px, from range.min_depth and range.max_depth."""
     seconds: dict = field(default_factory=dict)
     """Duration of each stage, s."""
+    planar: bool = field(default=False, kw_only=True)
+    """The disparities of 2 x 2 pixels lie on a plane that was fitted to the images."""
+    normals_source: object = field(default=None, kw_only=True)
+    """A function that returns the normals, where they are a part of others; None: computed."""
 
     @cached_property
     def image(self):
@@ -88,3 +98,22 @@ class RangeResult(Measurement):
 
         """
         return points_from_depth(self.depth, self.geometry)
+
+    def normals(self):
+        """
+        Return the unit normals of the surface, which is computed when first asked.
+
+        Returns
+        -------
+        normals : numpy.ndarray, float32, shape (H, W, 3)
+            Rectified left camera, x right, y down, z forward, from the surface towards the
+            camera's side; NaN = unknown. Do not write into it.
+
+        """
+        return self._normals
+
+    @cached_property
+    def _normals(self):
+        if self.normals_source is not None:
+            return self.normals_source()
+        return normals_of(self.disparity, self.geometry, self.planar)

@@ -37,7 +37,8 @@ STATUS_MEANINGS = {
     Status.NO_MATCH: 'no similar color within the disparity limits',
     Status.AMBIGUOUS: 'several places match equally well, or the colors are too uniform',
     Status.INCONSISTENT: 'left and right disagree: seen by the left camera only',
-    Status.OUT_OF_RANGE: 'the match lies outside range.min_depth .. range.max_depth',
+    Status.OUT_OF_RANGE: 'the match lies outside range.min_depth .. range.max_depth, or its point '
+                         'outside output.region',
     Status.IMPLAUSIBLE: 'the match does not fit the surface around it',
     Status.MOVED: 'the surface moved between the pairs that were fused (capture.pairs)',
 }

@@ -85,7 +85,7 @@ def _decoded(path, data, flags):
     image, complaints = _tried(data, flags)
     if image is None:
         raise ImageError(f'{path}: damaged, or no image of a known format')
-    if _is_cut_off_jpeg(data) or any(word in complaints.lower() for word in HALF_READ):
+    if is_cut_off_jpeg(data) or any(word in complaints.lower() for word in HALF_READ):
         raise ImageError(f'{path}: damaged or only half written')
     return image
 
@@ -171,7 +171,7 @@ def write_image(path, image, **options):
     write_bytes(path, encoded.tobytes(), **options)
 
 
-def _is_cut_off_jpeg(data):
+def is_cut_off_jpeg(data):
     """Tell whether a JPEG has no end after its last scan: old versions of OpenCV do not."""
     last_scan = data.rfind(b'\xff\xda')
     return data.startswith(b'\xff\xd8') and data.find(b'\xff\xd9', max(last_scan, 0)) < 0

@@ -154,6 +154,78 @@ class DisparityImage:
     delta_d: float
 
 
+@dataclass(frozen=True, eq=False)
+class CompressedImage:
+    """An image as the bytes of an image file."""
+
+    TYPE = 'sensor_msgs/msg/CompressedImage'
+
+    header: Header
+    format: str
+    """What the bytes are, in the words of image_transport."""
+    data: object
+    """Bytes, as of an Image."""
+
+    @classmethod
+    def of(cls, msg):
+        """Return the CompressedImage that shares the bytes of any object with the same fields."""
+        return cls(Header.of(msg.header), msg.format, msg.data)
+
+
+@dataclass(frozen=True)
+class Vector3:
+    """A vector."""
+
+    TYPE = 'geometry_msgs/msg/Vector3'
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+
+@dataclass(frozen=True)
+class Quaternion:
+    """A rotation."""
+
+    TYPE = 'geometry_msgs/msg/Quaternion'
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    w: float = 1.0
+
+
+@dataclass(frozen=True)
+class Transform:
+    """A rotation, and a translation after it."""
+
+    TYPE = 'geometry_msgs/msg/Transform'
+
+    translation: Vector3 = Vector3()
+    rotation: Quaternion = Quaternion()
+
+
+@dataclass(frozen=True)
+class TransformStamped:
+    """The pose of a frame in that of the header."""
+
+    TYPE = 'geometry_msgs/msg/TransformStamped'
+
+    header: Header
+    child_frame_id: str
+    transform: Transform
+
+
+@dataclass(frozen=True)
+class TFMessage:
+    """Poses of frames."""
+
+    TYPE = 'tf2_msgs/msg/TFMessage'
+
+    transforms: tuple
+    """Of TransformStamped."""
+
+
 def new_memory(size):
     """Return bytes for the field `data` of a content; the size is their number."""
     return array('B', bytes(size))

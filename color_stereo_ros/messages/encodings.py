@@ -10,6 +10,9 @@ PLAIN = {'rgb8': (3, None), 'bgr8': (3, cv2.COLOR_BGR2RGB),
          'rgba8': (4, cv2.COLOR_RGBA2RGB), 'bgra8': (4, cv2.COLOR_BGRA2RGB)}
 """Channels of an encoding, and OpenCV's conversion to RGB."""
 
+COLORS = 'rgb', 'bgr'
+"""With what the encodings of plain colors begin."""
+
 # ROS names the first two pixels of rows 0 and 1. OpenCV's older two-letter names start at pixel
 # (1, 1) instead (its BayerBG is rggb); these four-letter names mean the same as in ROS.
 BAYER = {'bayer_rggb': cv2.COLOR_BayerRGGB2RGB, 'bayer_bggr': cv2.COLOR_BayerBGGR2RGB,

@@ -7,7 +7,7 @@ and the documentation lists it, in the order of the entries.
 
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import cv2
@@ -18,9 +18,11 @@ from ..core.false_color import false_color, range_limits, status_picture
 from ..core.legends import with_status_legend
 from ..core.registry import Registry
 from .cloud import cloud
-from .contents import camera_info, CameraInfo, DisparityImage, Header, Image, image, new_memory
-from .contents import PointCloud2
+from .compressing import compressed_depth, jpeg
+from .contents import (camera_info, CameraInfo, CompressedImage, DisparityImage, Header, Image,
+                       image, new_memory, PointCloud2)
 from .disparity import disparity
+from .frames import frames_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,17 +30,52 @@ class Context:
     """What an output needs beside the result."""
 
     header: Header
-    """Stamp of the left image, frame of the outputs."""
+    """Stamp of the left image, frame of the rectified left camera."""
     settings: object
     """RangeNodeSettings."""
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
     """float64 (3, 3), from the rectified to the physical left camera."""
     memory: object = new_memory
     """Called with a size, returns that many bytes for `data`; they may hold an older message."""
+    physical_frame: str | None = None
+    """Name of the physical left camera; None: that of the header."""
+
+    @classmethod
+    def of(cls, header, settings, calibration):
+        """
+        Return the context of a pair.
+
+        Parameters
+        ----------
+        header : Header
+            Of the left image.
+        settings : RangeNodeSettings
+        calibration : StereoCalibration
+
+        Returns
+        -------
+        context : Context
+
+        """
+        frames = frames_of(header.frame_id, calibration, settings.output)
+        return cls(Header(header.stamp, frames.rectified), settings, frames.rotation,
+                   physical_frame=frames.physical)
+
+    @property
+    def points_header(self):
+        """Return stamp and frame of `points`, which `output.frame` chooses."""
+        if self.physical_frame is None or self.settings.output.frame != 'camera':
+            return self.header
+        return Header(self.header.stamp, self.physical_frame)
+
+    @property
+    def points_rotation(self):
+        """Return what turns points into the frame of `points`, float64 (3, 3); None: nothing."""
+        return self.rotation if self.settings.output.frame == 'camera' else None
 
     def with_memory(self, memory):
         """Return the same context with another memory."""
-        return Context(self.header, self.settings, self.rotation, memory)
+        return replace(self, memory=memory)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,19 +131,26 @@ def rectified_camera(geometry):
 
 
 @output('points', PointCloud2, 'organized H x W, fields x y z rgb, 16 bytes a point, NaN = '
-        'unknown; with `output.compact_points` the known points only')
+        'unknown; with `output.compact_points` the known points only; more fields with '
+        '`output.point_fields`')
 def _points(result, context):
     settings = context.settings.output
-    return cloud(result, context.header, compact=settings.compact_points, memory=context.memory,
-                 rotation=context.rotation if settings.frame == 'camera' else None)
+    return cloud(result, context.points_header, compact=settings.compact_points,
+                 memory=context.memory, rotation=context.points_rotation,
+                 fields=settings.names_of_fields)
 
 
 @output('depth/image', Image, '32FC1, m along Z of the rectified left camera, NaN = unknown; with '
         '`output.depth_encoding` 16UC1 in mm, 0 = unknown')
 def _depth(result, context):
+    return image(*_depth_pixels(result, context), context.header)
+
+
+def _depth_pixels(result, context):
+    """Return depth as it is published, and its encoding."""
     if context.settings.output.depth_encoding == '16UC1':
-        return image(millimeters(result.depth), '16UC1', context.header)
-    return image(result.depth, '32FC1', context.header)
+        return millimeters(result.depth), '16UC1'
+    return result.depth, '32FC1'
 
 
 @output('depth/camera_info', CameraInfo,
@@ -150,10 +194,34 @@ def _status_picture(result, context):
 @output('range_image', Image, 'bgr8, false colors of the depth, unknown = black; the size of '
         'depth/image; see `output.range_colors` and `output.range_limits`')
 def _range_image(result, context):
+    return _bgr(_range_picture(result, context), context.header)
+
+
+def _range_picture(result, context):
+    """Return the false colors of the depth, uint8 (H, W, 3), RGB."""
     settings = context.settings
     near, far = range_limits(result.depth, settings.range, settings.output.range_limits)
-    picture = false_color(result.depth, near, far, settings.output.range_colors)
-    return _bgr(picture, context.header)
+    return false_color(result.depth, near, far, settings.output.range_colors)
+
+
+@output('left/image_rect_color', Image, 'rgb8, the rectified left image, the pixels of '
+        'depth/image; its camera_info is depth/camera_info')
+def _rectified_image(result, context):
+    return image(result.image, 'rgb8', context.header)
+
+
+@output('depth/image/compressedDepth', CompressedImage, 'depth/image as PNG, in the format of '
+        'compressed_depth_image_transport')
+def _compressed_depth(result, context):
+    limits = context.settings.range
+    return compressed_depth(*_depth_pixels(result, context), context.header,
+                            limits.min_depth, limits.max_depth)
+
+
+@output('range_image/compressed', CompressedImage, 'range_image as JPEG, in the format of '
+        'compressed_image_transport')
+def _compressed_range_image(result, context):
+    return jpeg(_range_picture(result, context), context.header)
 
 
 def _bgr(picture, header):

@@ -13,11 +13,12 @@ import cv2
 import numpy as np
 
 from ..errors import ImageError
-from .contents import Header, Image, Time
+from .contents import CompressedImage, Header, Image, Time
 from .encodings import complaint, conversion, MONO, PLAIN, READ
 
 _MIN_BAYER_SIZE = 3
-_MAX_SIDE = 32767  # OpenCV's remap stores coordinates in 16 bits
+MAX_SIDE = 32767
+"""px: OpenCV's remap stores coordinates in 16 bits."""
 
 
 def image_to_rgb(msg, significant_bits=16):
@@ -124,41 +125,70 @@ def read_image(data, otherwise=None):
         If the bytes are no image.
 
     """
+    return _read(data, _read_cdr_image, Image, otherwise)
+
+
+def read_compressed_image(data, otherwise=None):
+    """Read a serialized sensor_msgs/CompressedImage; otherwise as `read_image`."""
+    return _read(data, _read_cdr_compressed_image, CompressedImage, otherwise)
+
+
+def _read(data, read, kind, otherwise):
+    """Return the content in bytes, by read(data, byte order) where they are CDR."""
     order = _CDR_BYTE_ORDERS.get(data[:2])
     if order is None:
-        return _read_otherwise(data, otherwise)
+        return _read_otherwise(data, kind, otherwise)
     try:
-        return _read_cdr_image(data, order)
+        return read(data, order)
     except (struct.error, UnicodeDecodeError) as error:
         raise ImageError(f'the message is damaged: {error}') from error
 
 
-def _read_otherwise(data, read):
-    """Return the Image in bytes of a middleware whose format only its own library knows."""
+def _read_otherwise(data, kind, read):
+    """Return the content in bytes of a middleware whose format only its own library knows."""
     if read is None:
         raise ImageError(f'the message is damaged: it begins with the bytes {data[:4].hex(" ")}, '
                          'expected CDR')
     try:
-        return Image.of(read(data))
+        return kind.of(read(data))
     except Exception as error:  # the middleware decides what it raises
         raise ImageError(f'the message is damaged: {error}') from error
 
 
 def _read_cdr_image(data, order):
     """Return the Image in CDR bytes; numbers are aligned to their size after the first four."""
-    sec, nanosec = struct.unpack_from(f'{order}iI', data, 4)
-    frame_id, at = _read_cdr_text(data, 12, order)
+    header, at = _read_cdr_header(data, order)
     at += -at % 4
     height, width = struct.unpack_from(f'{order}II', data, at)
     encoding, at = _read_cdr_text(data, at + 8, order)
     is_bigendian = data[at] if at < len(data) else 0
     at += 1
     at += -at % 4
-    step, size = struct.unpack_from(f'{order}II', data, at)
-    if at + 8 + size > len(data):
-        raise struct.error(f'{size} bytes of pixels are announced, {len(data) - at - 8} came')
-    return Image(Header(Time(sec, nanosec), frame_id), height, width, encoding, is_bigendian,
-                 step, memoryview(data)[at + 8:at + 8 + size])
+    step, = struct.unpack_from(f'{order}I', data, at)
+    return Image(header, height, width, encoding, is_bigendian, step,
+                 _read_cdr_bytes(data, at + 4, order))
+
+
+def _read_cdr_compressed_image(data, order):
+    """Return the CompressedImage in CDR bytes."""
+    header, at = _read_cdr_header(data, order)
+    text, at = _read_cdr_text(data, at + -at % 4, order)
+    return CompressedImage(header, text, _read_cdr_bytes(data, at + -at % 4, order))
+
+
+def _read_cdr_header(data, order):
+    """Return the Header that a message begins with, and the place behind it."""
+    sec, nanosec = struct.unpack_from(f'{order}iI', data, 4)
+    frame_id, at = _read_cdr_text(data, 12, order)
+    return Header(Time(sec, nanosec), frame_id), at
+
+
+def _read_cdr_bytes(data, at, order):
+    """Return the bytes of a field `data`, which are not copied."""
+    size, = struct.unpack_from(f'{order}I', data, at)
+    if at + 4 + size > len(data):
+        raise struct.error(f'{size} bytes of pixels are announced, {len(data) - at - 4} came')
+    return memoryview(data)[at + 4:at + 4 + size]
 
 
 def _read_cdr_text(data, at, order):
@@ -172,9 +202,9 @@ def _pixels(msg, channels):
     height, width, step = msg.height, msg.width, msg.step
     if height == 0 or width == 0:
         raise ImageError(f'the image is empty: width = {width} px, height = {height} px')
-    if max(height, width) > _MAX_SIDE:
+    if max(height, width) > MAX_SIDE:
         raise ImageError(f'the image is too large: width = {width} px, height = {height} px, '
-                         f'expected at most {_MAX_SIDE} px')
+                         f'expected at most {MAX_SIDE} px')
     if step < width * channels:
         raise ImageError(f'step = {step} bytes is too small for width = {width} px of '
                          f'{msg.encoding}, expected at least {width * channels} bytes')

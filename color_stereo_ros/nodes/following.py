@@ -105,12 +105,6 @@ class FollowingSubscription:
         policies = (incompatible_policy(profile, self._profile) for profile in profiles)
         self.mismatch = next(filter(None, policies), None)
 
-    def other_transports(self):
-        """Return the topics beside this one on which the same images come in another form."""
-        names = (f'{self.name}/{transport}' for transport in _TRANSPORTS)
-        return [] if self.publishers else [
-            name for name in names if self._node.count_publishers(name)]
-
     def destroy(self):
         """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
@@ -158,7 +152,6 @@ def _durability(profiles):
 
 
 _FOLLOWED = {QoSPolicyKind.RELIABILITY: _reliability, QoSPolicyKind.DURABILITY: _durability}
-_TRANSPORTS = ('compressed', 'theora', 'ffmpeg', 'zstd')
 
 
 def _name(info):

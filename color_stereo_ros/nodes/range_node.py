@@ -19,6 +19,8 @@ def usage(name='range_node', summary='Measures depth from pairs of raw color ima
     return Usage(name, summary, RangeNodeSettings(), (
         ('left/image_raw, right/image_raw', 'sensor_msgs/Image', 'raw color images; rgb8, bgr8, '
          'rgba8, bgra8, bayer_*8 or bayer_*16'),
+        ('left/image_raw/compressed, right/image_raw/compressed', 'sensor_msgs/CompressedImage',
+         'JPEG or PNG instead of raw images, with input.transport compressed'),
         ('left/camera_info, right/camera_info', 'sensor_msgs/CameraInfo', 'D, K, R, P of a pair '
          'that was calibrated as stereo'),
         ('pattern/info', 'std_msgs/String', 'what pattern_node shows; compared with pattern.*'),
@@ -27,6 +29,8 @@ def usage(name='range_node', summary='Measures depth from pairs of raw color ima
           for topic, output in OUTPUTS.items()),
         ('~/acquired', 'std_msgs/Header', 'a requested pair has arrived: the scene may move '
          'again'),
+        ('/tf_static', 'tf2_msgs/TFMessage', 'the place of the rectified left camera in the '
+         'physical one, where R turns it'),
         ('/diagnostics', 'diagnostic_msgs/DiagnosticArray', 'inputs, calibration, pattern and '
          'range images: what the node does, and why it does not'),
     ), (

@@ -4,7 +4,9 @@
 from dataclasses import dataclass
 
 from ..core.false_color import RANGE_COLORS, RANGE_LIMITS
+from ..core.results import POINT_FIELDS
 from ..core.settings import Group, PatternSettings, setting, Settings
+from ..errors import brief, SettingsError
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,10 @@ class InputSettings(Group):
     significant_bits: int = setting(
         16, 'of 16-bit Bayer images: the values fill so many low bits, 12 for example = 0 .. '
         '4095; 16 = full scale is 65535', unit='bit', minimum=8, maximum=16)
+    transport: str = setting(
+        'raw', 'of the images: raw = left/image_raw and right/image_raw; compressed = JPEG or PNG '
+        'on left/image_raw/compressed and right/image_raw/compressed',
+        choices=('raw', 'compressed'))
     survive_right_loss: bool = setting(
         False, 'where the right camera is silent or covered and the projector is known, the node '
         'goes on with left camera and projector')
@@ -53,8 +59,20 @@ class OutputSettings(PictureSettings):
         'rectified', 'frame of points: rectified = the rectified left camera, which depth/image '
         'and the peers use; camera = the physical left camera, rotated by R transposed',
         choices=('rectified', 'camera'))
+    frame_id: str = setting(
+        '', 'name of the rectified left camera, which all outputs carry; empty = the frame_id of '
+        'the left image, with _rectified before _optical_frame (or at its end) where R turns the '
+        'camera by more than 0.1 degrees')
     compact_points: bool = setting(
         False, 'points holds the known points only, in one row, instead of H x W with NaN')
+    point_fields: str = setting(
+        '', f'more fields of points, separated by spaces, of {", ".join(POINT_FIELDS)}')
+    region: str = setting(
+        '', 'box outside of which everything is unknown, six numbers x_min x_max y_min y_max '
+        'z_min z_max in the frame of points; inf = no limit; empty = no box', unit='m')
+    decimation: int = setting(
+        1, '1, 2 or 4: every output holds the pixels 0, N, 2 N .. of rows and columns, and '
+        'depth/camera_info fits them', minimum=1, maximum=4)
     diagnostics_period: float = setting(
         1.0, 'time between two messages on /diagnostics', unit='s', minimum=0.1, maximum=60.0)
     save_directory: str = setting(
@@ -67,6 +85,39 @@ class OutputSettings(PictureSettings):
         minimum=0, maximum=1_000_000)
     save_format: str = setting(
         'ply', 'of the files that the service ~/save writes', choices=('ply', 'pcd'))
+
+    @property
+    def names_of_fields(self):
+        """Return `point_fields` as names, in the order of `POINT_FIELDS`."""
+        given = self.point_fields.replace(',', ' ').split()
+        return tuple(name for name in POINT_FIELDS if name in given)
+
+    @property
+    def box(self):
+        """Return `region` as ((x_min, x_max), (y_min, y_max), (z_min, z_max)), m; None: no box."""
+        numbers = [float(number) for number in self.region.replace(',', ' ').split()]
+        return tuple(zip(numbers[::2], numbers[1::2])) or None
+
+    def check_together(self):
+        """Refuse lists in texts that cannot be read, and a decimation between its values."""
+        if self.decimation == 3:
+            raise SettingsError('output.decimation = 3, expected 1, 2 or 4')
+        for name in self.point_fields.replace(',', ' ').split():
+            if name not in POINT_FIELDS:
+                raise SettingsError(f'output.point_fields: {brief(name)} is not one of '
+                                    f'{", ".join(POINT_FIELDS)}')
+        if not self._is_box():
+            raise SettingsError(f'output.region = {brief(self.region)} is no box, expected x_min '
+                                'x_max y_min y_max z_min z_max in m, each minimum below its '
+                                'maximum')
+
+    def _is_box(self):
+        """Return whether `region` is empty or can be read."""
+        count = len(self.region.replace(',', ' ').split())
+        try:
+            return not count or count == 6 and all(low < high for low, high in self.box)
+        except ValueError:
+            return False
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,15 @@ from collections import deque
 from ..core import ColorStereo, ColorStereoError, ImageError, RecordingError
 from ..core.doubts import Doubts
 from ..messages.calibration_watch import CalibrationWatch, check_use
-from ..messages.contents import Header, Image
+from ..messages.contents import CompressedImage, Header, Image
+from ..messages.decompressing import opened
+from ..messages.frames import frames_of, TOPIC
 from ..messages.outputs import Context, OUTPUTS
 from ..messages.projector import projector_info, ProjectorNews, TOPIC as PROJECTOR
 from ..messages.reading import image_to_rgb, stamp_ns
 from ..messages.significant_bits import SignificantBits
 from ..messages.synchronizer import Synchronizer
+from ..messages.trimming import trimmed
 from ..patience import patience
 from .reading import seconds
 from .refusals import Refusals, TOLD
@@ -68,7 +71,7 @@ class OfflineSensor:
         self._watch = CalibrationWatch(
             self._recalibrate, clock=self._clock,
             check=lambda calibration: check_use(calibration, settings))
-        self._stereo = None
+        self._stereo = self._frames = None
         self._waiting = deque(maxlen=WAITING)
         self._values = SignificantBits()
         self._doubts = Doubts(self._doubt, clock=self._clock)
@@ -97,7 +100,7 @@ class OfflineSensor:
             return
         side = 'left' if message.topic in (self._topics.left_image,
                                            self._topics.left_info) else 'right'
-        if message.type != Image.TYPE:
+        if message.type not in (Image.TYPE, CompressedImage.TYPE):
             self._watch.add(side, content)
         else:
             pair = self._synchronizer.add(side, stamp_ns(content.header), content)
@@ -182,7 +185,7 @@ class OfflineSensor:
 
     def _images_of(self, pair):
         """Return both images of a pair as RGB, and say once what is odd about their values."""
-        bits = self._settings.input.significant_bits
+        bits, pair = self._settings.input.significant_bits, opened(pair)
         images = (_rgb(pair.left, bits, self._topics.left_image),
                   _rgb(pair.right, bits, self._topics.right_image))
         self._values.note(pair)
@@ -193,9 +196,12 @@ class OfflineSensor:
 
     def _write(self, result, header, time_ns):
         """Append the outputs."""
-        context = Context(header, self._settings, self._watch.calibration.left.R.T)
+        calibration, settings = self._watch.calibration, self._settings
+        self._write_frames(frames_of(header.frame_id, calibration, settings.output), time_ns)
+        context = Context.of(header, settings, calibration)
+        shown = trimmed(result, context)
         for topic in self._topics_of(result):
-            content = OUTPUTS[topic].content(result, context)
+            content = OUTPUTS[topic].content(shown, context)
             self._writer.write_content(self._namespace + topic, time_ns, content)
         model = self._projector.model(result.projector, time_ns * 1e-9)
         if model is not None:
@@ -207,6 +213,12 @@ class OfflineSensor:
         if self._wanted is not None:
             return self._wanted
         return DEFAULT_TOPICS if result.projector is None else (*DEFAULT_TOPICS, VIEWS)
+
+    def _write_frames(self, frames, time_ns):
+        """Append the transform between physical and rectified camera, where it is news."""
+        if frames.differ and frames != self._frames:
+            self._writer.write_content(TOPIC, time_ns, frames.transform(time_ns), latched=True)
+        self._frames = frames
 
 
 def _rgb(image, bits, topic):

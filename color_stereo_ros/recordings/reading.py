@@ -124,9 +124,9 @@ class Recording:
     def _refusal(self, message, reason):
         return RecordingError(f'{self.path}: the message on {message.place} is damaged: {reason}')
 
-    def stereo_topics(self, namespace=None, named=NOTHING_NAMED):
+    def stereo_topics(self, namespace=None, named=NOTHING_NAMED, compressed=False):
         """Return the StereoTopics of the one stereo pair, see `topics.stereo_topics`."""
-        return stereo_topics(self, namespace, named)
+        return stereo_topics(self, namespace, named, compressed)
 
     @contextmanager
     def _explained(self):

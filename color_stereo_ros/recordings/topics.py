@@ -5,11 +5,13 @@ from dataclasses import astuple, dataclass
 import re
 
 from ..errors import RecordingError
-from ..messages.contents import CameraInfo, Image
+from ..messages.contents import CameraInfo, CompressedImage, Image
 
-COMPRESSED = 'sensor_msgs/msg/CompressedImage'
-DECOMPRESS = ('`ros2 run image_transport republish compressed raw` makes raw images of them, '
+COMPRESSED = CompressedImage.TYPE
+DECOMPRESS = ('`color_stereo convert --input.transport compressed` reads JPEG and PNG; '
+              '`ros2 run image_transport republish compressed raw` makes raw images of any, '
               'which can be recorded')
+_SUFFIX = '/compressed'
 
 OPTIONS = '--left-image', '--right-image', '--left-info', '--right-info'
 """The options of the command line that name the topics, in the order of `StereoTopics`."""
@@ -51,7 +53,7 @@ STEREO_TOPICS = StereoTopics('left/image_raw', 'right/image_raw',
 NOTHING_NAMED = StereoTopics(None, None, None, None)
 
 
-def stereo_topics(recording, namespace=None, named=NOTHING_NAMED):
+def stereo_topics(recording, namespace=None, named=NOTHING_NAMED, compressed=False):
     """
     Return the topics of the one stereo pair in a recording.
 
@@ -63,6 +65,8 @@ def stereo_topics(recording, namespace=None, named=NOTHING_NAMED):
     named : StereoTopics
         Topics that the user names; None = the usual name. A name without `/` in front is below
         the namespace. A camera_info is looked for beside an image that is named.
+    compressed : bool
+        The images are JPEG or PNG; their usual names end with /compressed.
 
     Returns
     -------
@@ -76,12 +80,12 @@ def stereo_topics(recording, namespace=None, named=NOTHING_NAMED):
 
     """
     if None in (named.left_image, named.right_image):
-        prefix = _prefix(_namespace(recording) if namespace is None else namespace)
+        prefix = _prefix(_namespace(recording, compressed) if namespace is None else namespace)
     else:
         prefix = _prefix(namespace or '')
-    images = [_existing(recording, usual if given is None else given, prefix)
-              for given, usual in zip(named.names[:2], STEREO_TOPICS.names[:2])]
-    beside = [f'{image.rpartition("/")[0]}/camera_info' for image in images]
+    images = [_existing(recording, usual + _SUFFIX * compressed if given is None else given,
+                        prefix) for given, usual in zip(named.names[:2], STEREO_TOPICS.names[:2])]
+    beside = [f'{image.removesuffix(_SUFFIX).rpartition("/")[0]}/camera_info' for image in images]
     infos = [_existing(recording, usual if given is None else given, prefix)
              for given, usual in zip(named.names[2:], beside)]
     found = StereoTopics(*images, *infos)
@@ -89,7 +93,8 @@ def stereo_topics(recording, namespace=None, named=NOTHING_NAMED):
         if left == right:
             raise RecordingError(f'{recording.path}: {left} is named for the {what} of both '
                                  'cameras')
-    for topic, expected, option in zip(found.names, 2 * [Image.TYPE] + 2 * [CameraInfo.TYPE],
+    kind = COMPRESSED if compressed else Image.TYPE
+    for topic, expected, option in zip(found.names, 2 * [kind] + 2 * [CameraInfo.TYPE],
                                        OPTIONS):
         _check_topic(recording, topic, expected, option)
     return found
@@ -106,9 +111,10 @@ def _existing(recording, name, prefix):
                 full)
 
 
-def _namespace(recording):
-    ending = STEREO_TOPICS.left_image
-    found = {_folder(topic) for topic in recording.topics if f'/{topic}'.endswith(f'/{ending}')}
+def _namespace(recording, compressed):
+    ending = STEREO_TOPICS.left_image + _SUFFIX * compressed
+    found = {_folder(topic, ending) for topic in recording.topics
+             if f'/{topic}'.endswith(f'/{ending}')}
     if not found:
         raise RecordingError(f'{recording.path}: no topic ends with /{ending}; '
                              f'{_question(recording)}')
@@ -118,8 +124,8 @@ def _namespace(recording):
     return found.pop()
 
 
-def _folder(topic):
-    return topic.removesuffix(STEREO_TOPICS.left_image).strip('/')
+def _folder(topic, ending):
+    return topic.removesuffix(ending).strip('/')
 
 
 def _check_topic(recording, topic, expected, option):

@@ -12,7 +12,7 @@ from ...files.atomic import write_text
 from ...files.camera_info import camera_info_text, read_camera_info, WINDOW
 from ...files.yaml import UnreadableError
 from . import checks
-from .common_view import with_common_view
+from .common_view import with_common_view, with_equal_centers
 from .geometry import RectifiedGeometry
 from .lenses import coefficients_of, LENSES
 
@@ -222,7 +222,8 @@ class StereoCalibration:
         calibration : StereoCalibration
             R and P are those of cv2.stereoRectify with flags=0 and alpha=0: converging cameras
             keep their scene in view by different principal points, and no rectified pixel lies
-            outside the raw images where that is possible.
+            outside the raw images where that is possible. Where equal cx cost nothing of this,
+            both P get the mean of the two.
 
         Raises
         ------
@@ -242,7 +243,8 @@ class StereoCalibration:
             camera.check_raw()
         rotation, translation = checks.checked_motion(R, t)
         views = LENSES[distortion_model].rectified_views(*raw, rotation, translation)
-        rectified = with_common_view(*raw, rotation, translation, views)
+        views = with_common_view(*raw, rotation, translation, views)
+        rectified = with_equal_centers(*raw, rotation, translation, views)
         return cls(*(CameraModel(camera.name, camera.width, camera.height, distortion_model,
                                  camera.D, camera.K, R_rect, P)
                      for camera, (R_rect, P) in zip(raw, rectified)))

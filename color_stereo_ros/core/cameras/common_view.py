@@ -12,6 +12,8 @@ DEPTHS = 33
 LEAST_SHARE = 0.25           # of the common view; chosen: OpenCV keeps half or next to nothing
 OUTLIERS = (2.5, 97.5)       # percentiles of a view that bound it: corners reach far
 BESIDE = 1e-3                # least Z of a ray of length 1 that a rectified image can hold
+PIXEL = 0.5                  # px that a raw image reaches beyond the centers of its last pixels
+LOST_SHARE = 0.01            # of the common view that equal cx may cost; chosen: noise of sampling
 
 
 class Sampled:
@@ -29,14 +31,14 @@ class Sampled:
         # beyond the corners a distortion may fold back into the image
         self.reach = np.abs(normalized).max(axis=0) * (1 + BESIDE)
 
-    def sees(self, points):
-        """Return whether points (N, 3) of the raw camera fall into its image, bool (N,)."""
+    def sees(self, points, margin=0.0):
+        """Return whether points (N, 3) of the raw camera fall into its image, bool (N,); px."""
         rays = projected(points)
         regular = (np.abs(rays) <= self.reach).all(axis=1)  # False for NaN
         K = self.camera.K
         pixels = self.lens.distort(np.where(regular[:, None], rays, 0.0), self.camera.D)
         pixels = pixels @ K[:2, :2].T + K[:2, 2]
-        return regular & inside(pixels, self.last)
+        return regular & inside(pixels, self.last, margin)
 
 
 def projected(points):
@@ -46,9 +48,9 @@ def projected(points):
     return points[:, :2] / depth[:, None]
 
 
-def inside(pixels, last):
+def inside(pixels, last, margin=0.0):
     """Return whether pixels (N, 2) lie between (0, 0) and the last one; False for NaN."""
-    return ((pixels >= 0) & (pixels <= last)).all(axis=1)
+    return ((pixels >= -margin) & (pixels <= last + margin)).all(axis=1)
 
 
 def kept_share(left, right, rotation, translation, views):
@@ -125,6 +127,52 @@ def with_common_view(left, right, rotation, translation, views):
         f't = {translation.ravel().tolist()} m and R = {rotation.ravel().tolist()} leave no view '
         f'that both cameras share between {BASELINES[0]} and {BASELINES[1]:.0f} baselines: are R '
         'and t those of X_right = R X_left + t?')
+
+
+def with_equal_centers(left, right, rotation, translation, views):
+    """
+    Return rectified cameras with the same cx where that costs nothing.
+
+    Other nodes understand such a pair better. The images of both cameras move by half of the
+    difference, towards each other. That must leave both rectified images as full as before, and
+    keep what both cameras see but for LOST_SHARE; nearly parallel cameras allow it.
+
+    Parameters
+    ----------
+    left, right : CameraModel
+        Of which R and P are unknown yet.
+    rotation : numpy.ndarray, float64, shape (3, 3)
+    translation : numpy.ndarray, float64, shape (3, 1)
+    views : ((R, P), (R, P))
+
+    Returns
+    -------
+    views : ((R, P), (R, P))
+
+    """
+    centers = [P[0, 2] for _, P in views]
+    if centers[0] == centers[1]:
+        return views
+    equal = tuple((R, P.copy()) for R, P in views)
+    for _, P in equal:
+        P[0, 2] = sum(centers) / 2
+    sampled = Sampled(left), Sampled(right)
+    if any(_empty_border(*before) < _empty_border(*after)
+           for before, after in zip(zip(sampled, views), zip(sampled, equal))):
+        return views
+    before, after = (kept_share(*sampled, rotation, translation, each) for each in (views, equal))
+    return equal if after >= (1 - LOST_SHARE) * before else views
+
+
+def _empty_border(camera, view):
+    """Return how many pixels at the border of a rectified image its raw image does not fill."""
+    (R, P), (width, height) = view, camera.last + 1
+    columns, rows = np.arange(width), np.arange(height)
+    border = np.concatenate([
+        np.column_stack([columns, np.full(columns.shape, row)]) for row in (0, height - 1)] + [
+        np.column_stack([np.full(rows.shape, column), rows]) for column in (0, width - 1)])
+    rays = np.column_stack([(border - P[:2, 2]) / P[[0, 1], [0, 1]], np.ones(len(border))])
+    return np.count_nonzero(~camera.sees(rays @ R, PIXEL))
 
 
 def _fitted(sampled, translation, rotations):

@@ -201,6 +201,11 @@ class SurfaceMethod:
         return replace(measurement, alignment=alignment, rival_share=self.rival_share)
 
     @property
+    def planar(self):
+        """Return whether the disparities of a node lie on a plane fitted to the images."""
+        return self.settings.matching.refinements > 0 and self.settings.matching.slanted
+
+    @property
     def may_use_projector(self):
         """Return whether settings and pattern allow a third view."""
         matching = self.settings.matching

@@ -125,6 +125,7 @@ def _oddities(sensor, report):
     elif report.period and report.tolerance > report.period / 2:
         yield (f'sync.tolerance = {report.tolerance / 1e6:.1f} ms exceeds half the frame period '
                f'of {report.period / 1e6:.1f} ms: frames may be mixed up')
+    yield from filter(None, dict(sensor.inputs.color_doubts).values())
     doubt = sensor.worker.values.doubt(sensor.settings.input.significant_bits)
     if doubt:
         yield doubt

@@ -8,14 +8,18 @@ from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.serialization import deserialize_message
 
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from ...errors import bounded, brief, ImageError
 from ...messages.calibration_watch import CalibrationWatch, check_use
-from ...messages.reading import check_image, read_image, stamp_ns
+from ...messages.decompressing import look_at
+from ...messages.reading import check_image, read_compressed_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
 from ..complaints import Complaints
 from ..following import FollowingSubscription
+
+_COMPRESSED = '/compressed'
+_TRANSPORTS = 'compressed', 'theora', 'ffmpeg', 'zstd'
 
 
 class StereoInputs:
@@ -52,10 +56,11 @@ class StereoInputs:
         self._image_frame = None
         self.zero_stamps = False
         """The latest image had a stamp of zero."""
-        self.images = {side: self._subscribe(parameters, side, Image) for side in SIDES}
-        infos = {side: self._subscribe(parameters, side, CameraInfo) for side in SIDES}
-        self.subscriptions = [subscription for side in SIDES
-                              for subscription in (self.images[side], infos[side])]
+        self.color_doubts = {}
+        """What is odd about the color of the latest compressed image, by side."""
+        self._parameters = parameters
+        self.images = {side: self._subscribe_image(side) for side in SIDES}
+        self._infos = {side: self._subscribe_info(side) for side in SIDES}
         self.shared = []
         """Sentences about topics with more than one publisher."""
         self._jumps = node.get_clock().create_jump_callback(
@@ -65,23 +70,55 @@ class StereoInputs:
     def _jump_back(self, _):
         self.synchronizer.jump_back(self._node.get_clock().now().nanoseconds)
 
-    def _subscribe(self, parameters, side, kind):
-        topic = f'{side}/{"image_raw" if kind is Image else "camera_info"}'
-        take = self._take_image if kind is Image else self.calibration.add
+    @property
+    def subscriptions(self):
+        """Return all subscriptions, those of the left camera first."""
+        return [subscription for side in SIDES
+                for subscription in (self.images[side], self._infos[side])]
+
+    def _subscribe_info(self, side):
+        return FollowingSubscription(self._node, CameraInfo, f'{side}/camera_info',
+                                     lambda msg: self.calibration.add(side, msg),
+                                     self._parameters)
+
+    def _subscribe_image(self, side):
         # images are read from their bytes: rclpy's conversion holds the interpreter for 1 ms each
-        return FollowingSubscription(self._node, kind, topic, partial(take, side), parameters,
-                                     raw=kind is Image)
+        topic, kind, take = f'{side}/image_raw', Image, self._take_image
+        if self._settings.input.transport == 'compressed':
+            # image_transport appends its name to what the topic of the images is remapped to
+            topic = f'{self._node.resolve_topic_name(topic)}{_COMPRESSED}'
+            kind, take = CompressedImage, self._take_compressed_image
+        return FollowingSubscription(self._node, kind, topic, partial(take, side),
+                                     self._parameters, raw=True)
 
     def _take_image(self, side, data, received):
         try:
-            msg = read_image(data, otherwise=_deserialized_image)
+            msg = read_image(data, otherwise=_deserialized(Image))
             check_image(msg)
         except ImageError as error:
-            self.refused[side] += 1
-            text = f'{side} image refused: {error}'
-            self._refusals[side] = text, time.monotonic()
-            self._complain(text)
+            self._refuse(side, error)
+        else:
+            self._take(side, msg, received)
+
+    def _take_compressed_image(self, side, data, received):
+        try:
+            msg = read_compressed_image(data, otherwise=_deserialized(CompressedImage))
+            doubt = look_at(msg).doubt
+        except ImageError as error:
+            self._refuse(side, error)
             return
+        self.color_doubts[side] = doubt and f'{side} image is {doubt}'
+        if doubt:
+            self._warn(self.color_doubts[side])
+        self._take(side, msg, received)
+
+    def _refuse(self, side, error):
+        self.refused[side] += 1
+        text = f'{side} image refused: {error}'
+        self._refusals[side] = text, time.monotonic()
+        self._complain(text)
+
+    def _take(self, side, msg, received):
         self._refusals.pop(side, None)
         self._look_at_header(side, msg)
         stamp = stamp_ns(msg.header)
@@ -118,8 +155,32 @@ class StereoInputs:
         if text is None:
             return None
         refused = [f'the last one was refused: {text}' for text, _ in self._refusals.values()]
-        return '; '.join([text, *refused, *filter(None, map(_about_transport,
+        return '; '.join([text, *refused, *filter(None, map(self._about_transport,
                                                             self.images.values()))])
+
+    def _about_transport(self, subscription):
+        """Say what to do about images that come in another form only, or None."""
+        others = self._other_forms(subscription)
+        if not others:
+            return None
+        text = f'nobody publishes {subscription.name}, but {others[0]} has a publisher'
+        raw = subscription.name.removesuffix(_COMPRESSED)
+        known = {raw: 'raw', raw + _COMPRESSED: 'compressed'}.get(others[0])
+        if known:
+            return (f'{text}: set input.transport to {known} ("ros2 param set '
+                    f'{self._node.get_fully_qualified_name()} input.transport {known}")')
+        transport = others[0].rpartition('/')[2]
+        return (f'{text}: the node reads raw images, JPEG and PNG; run "ros2 run image_transport '
+                f'republish --ros-args -p in_transport:={transport} -p out_transport:=raw '
+                f'-r in/{transport}:={others[0]} -r out:={raw}" and set input.transport to raw')
+
+    def _other_forms(self, subscription):
+        """Return the topics beside that of a subscription on which its images have publishers."""
+        if subscription.publishers:
+            return []
+        raw = subscription.name.removesuffix(_COMPRESSED)
+        names = [raw, *(f'{raw}/{transport}' for transport in _TRANSPORTS)]
+        return [name for name in names if self._node.count_publishers(name)]
 
     @property
     def frame_warning(self):
@@ -133,12 +194,22 @@ class StereoInputs:
     def configure(self, settings):
         """Take new settings."""
         used = [(each.input.rectified, each.output.frame) for each in (self._settings, settings)]
+        other = settings.input.transport != self._settings.input.transport
         self._settings = settings
+        if other:
+            self._subscribe_images_again()
         self.synchronizer.tolerance = settings.sync.tolerance
         self.synchronizer.queue_size = settings.sync.queue_size
         self._patience = settings.sync.warn_after
         if used[0] != used[1]:
             self.calibration.review()
+
+    def _subscribe_images_again(self):
+        for side, subscription in self.images.items():
+            subscription.destroy()
+            self.images[side] = self._subscribe_image(side)
+        self._refusals.clear()
+        self.color_doubts.clear()
 
     def follow(self):
         """Look after the subscriptions and a calibration that settles."""
@@ -167,18 +238,6 @@ def _about_publishers(subscription):
             'messages are taken in turn; stop or remap all but one')
 
 
-def _about_transport(subscription):
-    """Say what to do about images that come in another form only, or None."""
-    others = subscription.other_transports()
-    if not others:
-        return None
-    topic, transport = others[0], others[0].rpartition('/')[2]
-    return (f'nobody publishes {subscription.name}, but {topic} has a publisher: the node reads '
-            f'raw images; run "ros2 run image_transport republish --ros-args '
-            f'-p in_transport:={transport} -p out_transport:=raw -r in/{transport}:={topic} '
-            f'-r out:={subscription.name}"')
-
-
-def _deserialized_image(data):
-    """Return the Image in bytes of a middleware whose format only rclpy knows."""
-    return deserialize_message(data, Image)
+def _deserialized(kind):
+    """Return what reads a message in bytes of a middleware whose format only rclpy knows."""
+    return lambda data: deserialize_message(data, kind)

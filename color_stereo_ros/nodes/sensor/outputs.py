@@ -3,13 +3,16 @@
 
 import threading
 
+import numpy as np
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from ...core.results import POINT_FIELDS
 from ...messages.cloud import cloud
 from ...messages.contents import Header
 from ...messages.outputs import OUTPUTS
+from ...messages.trimming import cropped
 from ..filling import message_class, Reused
 from ..qos import incompatible_policy
 
@@ -103,7 +106,8 @@ class Outputs:
     @staticmethod
     def prepare(result):
         """Compile or load what the messages of any result need."""
-        cloud(result, Header())
+        cloud(result, Header(), fields=POINT_FIELDS, rotation=np.eye(3))
+        cropped(result, np.zeros((3, 2)))
 
     def publish(self, result, context, on_first=lambda: None):
         """

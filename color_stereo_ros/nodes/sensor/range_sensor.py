@@ -7,6 +7,7 @@ from ...core.triangulation import disparity_limits
 from ...errors import bounded
 from ...messages.calibration_watch import check_use
 from ...messages.outputs import Context
+from ...messages.trimming import trimmed
 from .capture import Capture
 from .diagnostics import Diagnostics
 from .inputs import StereoInputs
@@ -15,6 +16,7 @@ from .pattern_watch import PatternWatch
 from .projector_info import ProjectorInfo
 from .save import Save
 from .services import ServiceThread
+from .static_frames import StaticFrames
 from .worker import Setup, Worker
 
 _LOOK_AFTER_PERIOD = 0.25
@@ -49,6 +51,7 @@ class RangeSensor:
         self.outputs = Outputs(node, parameters)
         self.pattern = PatternWatch(node, parameters)
         self.projector = ProjectorInfo(node)
+        self.frames = StaticFrames(node)
         self.worker = Worker(Setup(None, self.settings), self._publish, self._fail, self._logger,
                              self.outputs.prepare)
         self.inputs = StereoInputs(node, parameters, self._take_pair, self._recalibrate)
@@ -95,6 +98,7 @@ class RangeSensor:
         if not self.active:
             self.capture.note(pair)
             return
+        self._note_frames(pair)
         requested = self.capture.takes(pair)
         self._latest, self._kept = pair, None
         if requested or self.streams:
@@ -120,13 +124,20 @@ class RangeSensor:
         """Return whether every pair is measured, because somebody listens."""
         return self.settings.input.mode == 'stream' and bool(self.outputs.wanted())
 
+    def _note_frames(self, pair):
+        """Publish the transform between the cameras before anything that needs it."""
+        calibration = self.inputs.calibration.calibration
+        if calibration is not None:
+            self.frames.note(pair.left.header.frame_id, calibration, self.settings.output)
+
     def _publish(self, result, pair, setup):
         """Publish a result, the points first; runs in the worker's thread."""
         result = self.capture.merged(pair, result)
         if result is None:
             return
-        context = Context(pair.left.header, setup.settings, setup.calibration.left.R.T)
-        self.outputs.publish(result, context, lambda: self.worker.note_published(pair))
+        context = Context.of(pair.left.header, setup.settings, setup.calibration)
+        self.outputs.publish(trimmed(result, context), context,
+                             lambda: self.worker.note_published(pair))
         self.projector.note(result.projector, context.header)
         self.capture.succeed(pair, result, context)
 
@@ -184,6 +195,7 @@ class RangeSensor:
         self._node.destroy_timer(self._look_after_timer)
         self.pattern.destroy()
         self.projector.destroy()
+        self.frames.destroy()
         self.inputs.destroy()
         self.worker.stop()
         self.outputs.destroy()

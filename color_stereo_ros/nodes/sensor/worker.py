@@ -14,6 +14,7 @@ from ...core.doubts import Doubts
 from ...core.pipeline import ColorStereo
 from ...core.surface import warm_up
 from ...errors import bounded, ColorStereoError
+from ...messages.decompressing import opened
 from ...messages.reading import image_to_rgb
 from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
@@ -211,6 +212,7 @@ class Worker:
             self._note_uncalibrated(pair)
             return
         bits = setup.settings.input.significant_bits
+        pair = opened(pair)
         left, right = (_image(side, message, bits) if message is not None else None
                        for side, message in (('left', pair.left), ('right', pair.right)))
         self.lost = _loss(left, right) if setup.settings.input.survive_right_loss else None

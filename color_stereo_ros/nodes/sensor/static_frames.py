@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The transform between the physical and the rectified left camera on /tf_static."""
+
+from rclpy.event_handler import PublisherEventCallbacks
+
+from ...messages.frames import frames_of, TOPIC
+from ..filling import message_class, message_of
+from ..pattern_source import latched
+
+_TYPE = 'tf2_msgs/msg/TFMessage'
+
+
+class StaticFrames:
+    """
+    Publishes the transform where the two cameras have different names, and each change of it.
+
+    Without the package tf2_msgs it says instead which command does so.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+
+    """
+
+    def __init__(self, node):
+        self._node = node
+        self._publisher = self._frames = self._asked = None
+
+    def note(self, frame_id, calibration, settings):
+        """
+        Take what decides on the frames of a pair.
+
+        Parameters
+        ----------
+        frame_id : str
+            Of the left image.
+        calibration : StereoCalibration
+        settings : OutputSettings
+
+        """
+        asked = frame_id, calibration, settings.frame_id
+        if asked == self._asked:
+            return
+        self._asked = asked
+        frames = frames_of(frame_id, calibration, settings)
+        if frames.differ and frames != self._frames:
+            self._publish(frames)
+        self._frames = frames
+
+    def _publish(self, frames):
+        try:
+            kind = message_class(_TYPE)
+        except (ImportError, AttributeError):
+            self._node.get_logger().warning(
+                f'outputs are in the frame {frames.rectified!r}, but the package tf2_msgs is '
+                f'missing, so its place is not published; this command does it: {frames.command}')
+            return
+        if self._publisher is None:
+            self._publisher = self._node.create_publisher(
+                kind, TOPIC, latched(),
+                event_callbacks=PublisherEventCallbacks(use_default_callbacks=False))
+        now = self._node.get_clock().now().nanoseconds
+        self._publisher.publish(message_of(frames.transform(now)))
+        self._node.get_logger().info(
+            f'outputs are in the frame {frames.rectified!r}, its place in {frames.physical!r} is '
+            f'on {TOPIC}')
+
+    def destroy(self):
+        """Leave the topic."""
+        if self._publisher is not None:
+            self._node.destroy_publisher(self._publisher)
