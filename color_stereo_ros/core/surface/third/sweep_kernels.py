@@ -342,11 +342,12 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, need
                 gray[n] = light[2, row, column] * scale
             for start in range(0, depth, LENGTH):
                 count = min(LENGTH, depth - start)
-                for n in range(count):
+                whole = (count + 7) & ~7  # vectors of 8
+                for n in range(whole):
                     ds[n] = first_disparity + F4(start + n) * spacing
-                see(flat, size, m, c, F4(0), count, xs, offset + step * F4(row), ds, red, blue,
+                see(flat, size, m, c, F4(0), whole, xs, offset + step * F4(row), ds, red, blue,
                     gray, color_u, color_v, slope_u, slope_v)
-                for n in range(count):
+                for n in range(whole):
                     away = abs(own_u - color_u[n]) + abs(own_v - color_v[n])
                     away = away if away < full else full
                     some[n] = I2(neutral + (I2(I2(I2(away) - neutral) * w) >> I2(4)))
