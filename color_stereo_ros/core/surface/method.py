@@ -174,8 +174,10 @@ class SurfaceMethod:
             alignment, pair, seeds = self.match_aligned(left, right, alignment, search, clock)
         views, planes = self.views, self.planes
         self.bend(views, planes, pair, clock)
+        uneven = self.uneven(planes)  # of the fit: seeds are rougher
+        self.brightness.settle_disputes(planes)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
-                                   self.brightness.light(views.left), self.uneven(planes))
+                                   self.brightness.light(views.left), uneven)
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
         self.make_std_true(verdict, planes, alignment)

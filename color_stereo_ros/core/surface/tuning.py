@@ -815,7 +815,7 @@ class BrightnessTuning(Constants):
         7, 'nodes', 'Radius of the surroundings whose detail is asked for.',
         unexplained('As the wide window of the least squares.'))
     seed_std: float = constant(
-        0.25, 'px', 'Standard deviation of what the seeds of a window of `planes.radius` say.',
+        0.15, 'px', 'Standard deviation of what the seeds of a window of `planes.radius` say.',
         chosen('.6: unlit pair .763 instead of .793 right; .12: z-scores of 2.'))
     inertia: float = constant(
         0.5, '1', 'By how much the plane of a neighbor must fit better, see `neighbors.inertia`.',
@@ -823,6 +823,12 @@ class BrightnessTuning(Constants):
     seed_gate: float = constant(
         1.5, 'px', 'Distance of a seed up to which it holds a plane.',
         unexplained('As `planes.gates`.'))
+    disputed_distance: float = constant(
+        1.0, 'px', 'Distance of a seed from a plane from which the seed replaces the plane.',
+        derived('A plane further away is not the same match.'))
+    disputed_std: float = constant(
+        0.25, 'px', 'Standard deviation of seeds that replace planes.',
+        unexplained('Found in whole px, with a fit between them.'))
     least_detail: float = constant(
         0.3, '1', 'Detail of a node below which it tells nothing, see `texture.detail`.',
         chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
@@ -956,7 +962,7 @@ class TrustTuning(Constants):
         (0.5, 4.0), 'px', 'Smallest and largest reach of a node in the right image.',
         unexplained(FIRST), compiled=True)
     discord_distance: float = constant(
-        0.3, 'px^0.5', 'Root of the distance of the neighbors above which a node contradicts '
+        0.45, 'px^0.5', 'Root of the distance of the neighbors above which a node contradicts '
         'them.', unexplained('.09 px: most planes of real surfaces agree better (9662ae5).'))
     discord_variance: float = constant(
         0.25, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
