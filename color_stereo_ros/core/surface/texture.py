@@ -7,8 +7,15 @@ import cv2
 import numpy as np
 
 from .coarse import Seeds
+from .grid import whole
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .texture_kernels import local_colors
+
+STEP = 16
+"""OpenCV's matchers take multiples of so many disparities."""
+
+SHRINKING = 4
+"""Columns of the pair that become one where the disparities are narrowed."""
 
 
 class TextureSearch:
@@ -35,19 +42,21 @@ class TextureSearch:
         self.columns = 2 * grid.columns
         self.first = math.floor(max(limits[0], 1 - self.columns))
         last = math.ceil(min(limits[1], self.columns - 1))
-        self.count = -(-max(last - self.first + 1, 1) // 16) * 16
-        self.left_at = max(self.count, -self.first)
-        self.right_at = self.left_at + self.first
-        self.width = max(self.left_at, self.right_at) + self.columns
+        self.count = whole(max(last - self.first + 1, 1), STEP)
 
-    def matcher(self, channels):
-        """Return OpenCV's matcher for images of 1 or 3 channels."""
+    def matcher(self, channels, count, speckles=0):
+        """
+        Return OpenCV's matcher for images of 1 or 3 channels and so many disparities.
+
+        speckles: surfaces of up to so many pixels are dropped.
+
+        """
         tuning = self.tuning
         small, large = (penalty * channels * tuning.block ** 2 for penalty in tuning.penalties)
         return cv2.StereoSGBM_create(
-            minDisparity=0, numDisparities=self.count, blockSize=tuning.block, P1=small,
+            minDisparity=0, numDisparities=count, blockSize=tuning.block, P1=small,
             P2=large, disp12MaxDiff=tuning.agreement, preFilterCap=tuning.gradient_cap,
-            uniquenessRatio=0, speckleWindowSize=0, speckleRange=0,
+            uniquenessRatio=0, speckleWindowSize=speckles, speckleRange=1,
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY)
 
     def search(self, views, gray):
@@ -68,13 +77,33 @@ class TextureSearch:
 
         """
         channels = 1 if gray else 3
-        left, right = (self.image(view, channels) for view in (views.left, views.right))
-        raw = self.matcher(channels).compute(self.on_canvas(left, self.left_at),
-                                             self.on_canvas(right, self.right_at))
-        raw = raw[:, self.left_at:self.left_at + self.columns:2]
-        found = raw.astype(F4) * F4(1 / 32) + F4(self.first / 2)
-        found[raw < 0] = np.nan
-        return Seeds(found, 1, None, 0.0)
+        images = [self.image(view, channels) for view in (views.left, views.right)]
+        first, count = self.first, self.count
+        if count > self.tuning.many_disparities:
+            first, count = self.narrowed(images)
+        found = matched(self.matcher(channels, count), images, first, count)[:, ::2]
+        return Seeds(found * F4(0.5), 1, None, 0.0)
+
+    def narrowed(self, images):
+        """
+        Return the first disparity and the number of those at which a small pair shows surfaces.
+
+        The images lose three of four columns and every second row. Tiny surfaces do not count.
+
+        """
+        rows, columns = images[0].shape[:2]
+        size = max(1, columns // SHRINKING), max(1, rows * 2 // SHRINKING)
+        small = [np.atleast_3d(cv2.resize(each, size, interpolation=cv2.INTER_AREA))
+                 for each in images]
+        first, count = self.first // SHRINKING, whole(self.count // SHRINKING + 1, STEP)
+        matcher = self.matcher(small[0].shape[2], count, self.tuning.least_surface)
+        found = SHRINKING * matched(matcher, small, first, count)
+        if not np.isfinite(found).any():
+            return self.first, self.count
+        margin = self.tuning.disparity_margin
+        low = max(self.first, math.floor(np.nanmin(found)) - margin)
+        high = min(self.first + self.count - 1, math.ceil(np.nanmax(found)) + margin)
+        return low, whole(max(high - low + 1, 1), STEP)
 
     def image(self, view, channels):
         """Return the colors of a view, one row per node, uint8 (rows, 2 columns, channels)."""
@@ -88,10 +117,32 @@ class TextureSearch:
                      F4(tuning.level), out)
         return out if step > 1 else between_nodes(out)
 
-    def on_canvas(self, image, at):
-        """Return an image with its borders repeated, so that no place lacks disparities."""
-        after = self.width - at - image.shape[1]
-        return cv2.copyMakeBorder(image, 0, 0, at, after, cv2.BORDER_REPLICATE)
+
+def matched(matcher, images, first, count):
+    """
+    Return the disparities of a pair, float32 (h, w), NaN = unknown.
+
+    Borders are repeated, so that no place lacks disparities.
+
+    Parameters
+    ----------
+    matcher : cv2.StereoMatcher
+        Of count disparities from 0 on.
+    images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
+    first, count : int
+        Smallest disparity and number of them, columns.
+
+    """
+    columns = images[0].shape[1]
+    left_at = max(count, -first)
+    right_at = left_at + first
+    width = max(left_at, right_at) + columns
+    raw = matcher.compute(*(
+        cv2.copyMakeBorder(image, 0, 0, at, width - at - columns, cv2.BORDER_REPLICATE)
+        for image, at in zip(images, (left_at, right_at))))[:, left_at:left_at + columns]
+    found = raw.astype(F4) * F4(1 / 16) + F4(first)
+    found[raw < 0] = np.nan
+    return found
 
 
 def between_nodes(image):
