@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Search over all disparities at half resolution, for what color alone does not tell."""
+"""Search over all disparities in pixels, for what color alone does not tell."""
 
 import math
 
@@ -10,12 +10,6 @@ from .coarse import Seeds
 from .grid import whole
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .texture_kernels import local_colors
-
-STEP = 16
-"""OpenCV's matchers take multiples of so many disparities."""
-
-SHRINKING = 4
-"""Columns of the pair that become one where the disparities are narrowed."""
 
 
 class TextureSearch:
@@ -42,7 +36,11 @@ class TextureSearch:
         self.columns = 2 * grid.columns
         self.first = math.floor(max(limits[0], 1 - self.columns))
         last = math.ceil(min(limits[1], self.columns - 1))
-        self.count = whole(max(last - self.first + 1, 1), STEP)
+        self.count = self.taken(last - self.first + 1)
+
+    def taken(self, count):
+        """Return the number of disparities that OpenCV's matchers take in place of a count."""
+        return whole(max(count, 1), self.tuning.disparity_step)
 
     def matcher(self, channels, count, speckles=0):
         """
@@ -88,22 +86,23 @@ class TextureSearch:
         """
         Return the first disparity and the number of those at which a small pair shows surfaces.
 
-        The images lose three of four columns and every second row. Tiny surfaces do not count.
+        Tiny surfaces do not count.
 
         """
+        tuning, shrinking = self.tuning, self.tuning.shrinking
         rows, columns = images[0].shape[:2]
-        size = max(1, columns // SHRINKING), max(1, rows * 2 // SHRINKING)
+        size = max(1, columns // shrinking), max(1, rows * 2 // shrinking)
         small = [np.atleast_3d(cv2.resize(each, size, interpolation=cv2.INTER_AREA))
                  for each in images]
-        first, count = self.first // SHRINKING, whole(self.count // SHRINKING + 1, STEP)
-        matcher = self.matcher(small[0].shape[2], count, self.tuning.least_surface)
-        found = SHRINKING * matched(matcher, small, first, count)
+        first, count = self.first // shrinking, self.taken(self.count // shrinking + 1)
+        matcher = self.matcher(small[0].shape[2], count, tuning.least_surface)
+        found = shrinking * matched(matcher, small, first, count)
         if not np.isfinite(found).any():
             return self.first, self.count
-        margin = self.tuning.disparity_margin
+        margin = tuning.disparity_margin
         low = max(self.first, math.floor(np.nanmin(found)) - margin)
         high = min(self.first + self.count - 1, math.ceil(np.nanmax(found)) + margin)
-        return low, whole(max(high - low + 1, 1), STEP)
+        return low, self.taken(high - low + 1)
 
     def image(self, view, channels):
         """Return the colors of a view, one row per node, uint8 (rows, 2 columns, channels)."""

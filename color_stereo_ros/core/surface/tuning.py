@@ -815,6 +815,12 @@ class BrightnessTuning(Constants):
     many_disparities: int = constant(
         96, 'px', 'Number of disparities above which a small pair tells which of them occur.',
         unexplained('That search takes as long as 16 disparities of the large one.'))
+    disparity_step: int = constant(
+        16, 'px', 'The number of disparities is a multiple of it.',
+        derived("OpenCV's matchers take no other ones."))
+    shrinking: int = constant(
+        4, 'px', 'Width and height of the pixels of the small pair.',
+        unexplained('A search of the small pair takes a 32nd of the time of the large one.'))
     least_surface: int = constant(
         12, 'px', 'Size of a surface in the small pair up to which it does not count.',
         unexplained('Chance makes smaller ones; 14 x 14 px of the image.'))
