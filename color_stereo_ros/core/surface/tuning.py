@@ -844,6 +844,9 @@ class BrightnessTuning(Constants):
         1.0, 'px', 'Distance of a seed from a plane from which the seed replaces the plane.',
         chosen('A plane further away is not the same match. Eight pairs of casting and '
                'effector_bin: right .8585 -> .8687, hi .91 -> .81 %.'))
+    disputed_border: float = constant(
+        4.0, 'px', 'Distance from the border of the right view up to which a seed replaces '
+        'nothing.', derived('The windows of the search reach 2 px; a match moves by some px.'))
     disputed_std: float = constant(
         0.25, 'px', 'Standard deviation of seeds that replace planes.',
         unexplained('Found in whole px, with a fit between them.'))
