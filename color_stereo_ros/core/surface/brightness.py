@@ -54,6 +54,29 @@ class BrightnessCarrier:
         inner, odds = planes.grid.inner, F4(self.tuning.agreement_odds)
         return np.where(np.abs(self.seed[inner] - planes.d[inner]) < F4(1), odds, -odds)
 
+    def settle_disputes(self, planes):
+        """
+        Let seeds take the place of planes that are far from them.
+
+        Near depth edges a window sees two surfaces, and the brightness against the surroundings
+        holds both; the search knows which one goes on. Where the search has seen the
+        repeated border of the right view, its seeds replace nothing. Writes d, a, b and variance
+        of planes.
+
+        """
+        if not self.seeded:
+            return
+        inner, tuning = planes.grid.inner, self.tuning
+        seed, d = self.seed[inner], planes.d[inner]
+        place = F4(2) * np.arange(planes.grid.columns, dtype=F4) - seed
+        border = F4(tuning.disputed_border)
+        inside = (place >= border) & (place < F4(planes.grid.width - 1) - border)
+        replaced = inside & ~(np.abs(seed - d) < F4(tuning.disputed_distance))
+        np.copyto(d, seed, where=replaced)
+        for plane, value in ((planes.a, 0), (planes.b, 0),
+                             (planes.variance, tuning.disputed_std ** 2)):
+            plane[inner][replaced] = F4(value)
+
     def light(self, view):
         """
         Return the brightness that tells whether a node of a view is lit, DN.

@@ -179,8 +179,10 @@ class SurfaceMethod:
                                                         clock)
         views, planes = self.views, self.planes
         self.bend(views, planes, pair, clock)
+        uneven = self.uneven(planes)  # of the fit: seeds are rougher
+        self.brightness.settle_disputes(planes)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
-                                   self.brightness.light(views.left), self.uneven(planes))
+                                   self.brightness.light(views.left), uneven)
         if self.settings.matching.refinements:
             self.steps.doubt(planes, verdict, self.quality)
         if self.aligner is not None:

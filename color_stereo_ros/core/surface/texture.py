@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Search over all disparities at half resolution, for what color alone does not tell."""
+"""Search over all disparities in pixels, for what color alone does not tell."""
 
 import math
 
@@ -7,15 +7,18 @@ import cv2
 import numpy as np
 
 from .coarse import Seeds
+from .grid import whole
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .texture_kernels import local_colors
 
 
 class TextureSearch:
     """
-    OpenCV's semi-global matcher on the half grid, on colors with evened-out brightness.
+    OpenCV's semi-global matcher on rows of the half grid, on colors with evened-out brightness.
 
-    The coarse search knows colors of 4 x 4 pixels and more: fine texture is lost in them.
+    The coarse search knows colors of 4 x 4 pixels and more: fine texture is lost in them. The
+    columns are those of the right view, pixels: disparities of whole nodes are wrong beside depth
+    edges more often. The left view has means between its nodes.
 
     Parameters
     ----------
@@ -30,21 +33,28 @@ class TextureSearch:
         """Prepare the matchers of gray and of color images."""
         self.grid, self.tuning = grid, tuning.brightness
         self.least_share = tuning.views.least_inside_share
-        self.first = math.floor(max(limits[0] / 2, 1 - grid.columns))
-        last = math.ceil(min(limits[1] / 2, grid.columns - 1))
-        self.count = -(-max(last - self.first + 1, 1) // 16) * 16
-        self.left_at = max(self.count, -self.first)
-        self.right_at = self.left_at + self.first
-        self.width = max(self.left_at, self.right_at) + grid.columns
+        self.columns = 2 * grid.columns
+        self.first = math.floor(max(limits[0], 1 - self.columns))
+        last = math.ceil(min(limits[1], self.columns - 1))
+        self.count = self.taken(last - self.first + 1)
 
-    def matcher(self, channels):
-        """Return OpenCV's matcher for images of 1 or 3 channels."""
+    def taken(self, count):
+        """Return the number of disparities that OpenCV's matchers take in place of a count."""
+        return whole(max(count, 1), self.tuning.disparity_step)
+
+    def matcher(self, channels, count, speckles=0):
+        """
+        Return OpenCV's matcher for images of 1 or 3 channels and so many disparities.
+
+        speckles: surfaces of up to so many pixels are dropped.
+
+        """
         tuning = self.tuning
         small, large = (penalty * channels * tuning.block ** 2 for penalty in tuning.penalties)
         return cv2.StereoSGBM_create(
-            minDisparity=0, numDisparities=self.count, blockSize=tuning.block, P1=small,
+            minDisparity=0, numDisparities=count, blockSize=tuning.block, P1=small,
             P2=large, disp12MaxDiff=tuning.agreement, preFilterCap=tuning.gradient_cap,
-            uniquenessRatio=0, speckleWindowSize=0, speckleRange=0,
+            uniquenessRatio=0, speckleWindowSize=speckles, speckleRange=1,
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY)
 
     def search(self, views, gray):
@@ -65,29 +75,82 @@ class TextureSearch:
 
         """
         channels = 1 if gray else 3
-        left, right = (self.image(view, channels) for view in (views.left, views.right))
-        raw = self.matcher(channels).compute(self.on_canvas(left, self.left_at),
-                                             self.on_canvas(right, self.right_at))
-        raw = raw[:, self.left_at:self.left_at + self.grid.columns]
-        found = raw.astype(F4) * F4(1 / 16) + F4(self.first)
-        found[raw < 0] = np.nan
-        return Seeds(found, 1, None, 0.0)
+        images = [self.image(view, channels) for view in (views.left, views.right)]
+        first, count = self.first, self.count
+        if count > self.tuning.many_disparities:
+            first, count = self.narrowed(images)
+        found = matched(self.matcher(channels, count), images, first, count)[:, ::2]
+        return Seeds(found * F4(0.5), 1, None, 0.0)
+
+    def narrowed(self, images):
+        """
+        Return the first disparity and the number of those at which a small pair shows surfaces.
+
+        Tiny surfaces do not count.
+
+        """
+        tuning, shrinking = self.tuning, self.tuning.shrinking
+        rows, columns = images[0].shape[:2]
+        size = max(1, columns // shrinking), max(1, rows * 2 // shrinking)
+        small = [np.atleast_3d(cv2.resize(each, size, interpolation=cv2.INTER_AREA))
+                 for each in images]
+        first, count = self.first // shrinking, self.taken(self.count // shrinking + 1)
+        matcher = self.matcher(small[0].shape[2], count, tuning.least_surface)
+        found = shrinking * matched(matcher, small, first, count)
+        if not np.isfinite(found).any():
+            return self.first, self.count
+        margin = tuning.disparity_margin
+        low = max(self.first, math.floor(np.nanmin(found)) - margin)
+        high = min(self.first + self.count - 1, math.ceil(np.nanmax(found)) + margin)
+        return low, self.taken(high - low + 1)
 
     def image(self, view, channels):
-        """Return the colors of a view on the half grid, uint8 (rows, columns, channels)."""
+        """Return the colors of a view, one row per node, uint8 (rows, 2 columns, channels)."""
         tuning, step = self.tuning, view.columns_per_node
         across = 1 + 2 * (tuning.surroundings * step // 2), tuning.surroundings
         mean = cv2.blur(view.s, across) / np.maximum(
             cv2.blur(view.inside.astype(F4), across), F4(self.least_share))
-        out = np.empty((*self.grid.nodes, channels), np.uint8)
-        local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, step,
-                     F4(tuning.offset), F4(tuning.level), out)
-        return out
+        nodes, columns = self.grid.nodes
+        out = np.empty((nodes, columns * step, channels), np.uint8)
+        local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, F4(tuning.offset),
+                     F4(tuning.level), out)
+        return out if step > 1 else between_nodes(out)
 
-    def on_canvas(self, image, at):
-        """Return an image with its borders repeated, so that no place lacks disparities."""
-        after = self.width - at - image.shape[1]
-        return cv2.copyMakeBorder(image, 0, 0, at, after, cv2.BORDER_REPLICATE)
+
+def matched(matcher, images, first, count):
+    """
+    Return the disparities of a pair, float32 (h, w), NaN = unknown.
+
+    Borders are repeated, so that no place lacks disparities.
+
+    Parameters
+    ----------
+    matcher : cv2.StereoMatcher
+        Of count disparities from 0 on.
+    images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
+    first, count : int
+        Smallest disparity and number of them, columns.
+
+    """
+    columns = images[0].shape[1]
+    left_at = max(count, -first)
+    right_at = left_at + first
+    width = max(left_at, right_at) + columns
+    raw = matcher.compute(*(
+        cv2.copyMakeBorder(image, 0, 0, at, width - at - columns, cv2.BORDER_REPLICATE)
+        for image, at in zip(images, (left_at, right_at))))[:, left_at:left_at + columns]
+    found = raw.astype(F4) * F4(1 / 16) + F4(first)
+    found[raw < 0] = np.nan
+    return found
+
+
+def between_nodes(image):
+    """Return an image with a mean column between two columns, uint8 (rows, 2 columns, C)."""
+    rows, columns, channels = image.shape
+    out = np.repeat(image, 2, axis=1)
+    out[:, 1:-1:2] = cv2.addWeighted(image[:, :-1], 0.5, image[:, 1:], 0.5, 0).reshape(
+        rows, columns - 1, channels)
+    return out
 
 
 def detail(carriers, tuning):

@@ -835,29 +835,56 @@ class BrightnessTuning(Constants):
         70.0, 'DN', 'Level of each channel in the images that are searched.',
         unexplained('Three times as bright places are not cut off.'))
     block: int = constant(
-        3, 'nodes', 'Width of the windows of the search.',
-        chosen('5: .01 fewer seeds within 1 px in five textured pairs, at the same time.'))
+        3, 'px', 'Columns, and rows of nodes, of the windows of the search.',
+        chosen('5: .01 fewer seeds within 1 px in five textured pairs, at the same time. 1: right '
+               '.850 instead of .8585, eight pairs of casting and effector_bin.'))
     penalties: tuple = constant(
-        (8, 32), 'per channel and node of a window', 'Penalties of a step of one node and of a '
+        (8, 32), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
         'larger step (P1, P2 of StereoSGBM).', derived("OpenCV's recommendation."))
     gradient_cap: int = constant(
         31, 'DN', 'Largest gradient that counts (preFilterCap of StereoSGBM).',
         unexplained('Lies between the defaults of the two matchers of OpenCV.'))
     agreement: int = constant(
-        1, 'nodes', 'Largest difference of the matches left to right and right to left.',
+        1, 'px', 'Largest difference of the matches left to right and right to left.',
         unexplained('As in the evaluation of OpenCV\'s matchers.'))
+    many_disparities: int = constant(
+        96, 'px', 'Number of disparities above which a small pair tells which of them occur.',
+        unexplained('That search takes as long as 16 disparities of the large one.'))
+    disparity_step: int = constant(
+        16, 'px', 'The number of disparities is a multiple of it.',
+        derived("OpenCV's matchers take no other ones."))
+    shrinking: int = constant(
+        4, 'px', 'Width and height of the pixels of the small pair.',
+        unexplained('A search of the small pair takes a 32nd of the time of the large one.'))
+    least_surface: int = constant(
+        12, 'px', 'Size of a surface in the small pair up to which it does not count.',
+        unexplained('Chance makes smaller ones; 14 x 14 px of the image.'))
+    disparity_margin: int = constant(
+        12, 'px', 'Disparities that are searched beyond those of the small pair.',
+        derived('Three columns of the small pair.'))
     detail_radius: int = constant(
         7, 'nodes', 'Radius of the surroundings whose detail is asked for.',
         unexplained('As the wide window of the least squares.'))
     seed_std: float = constant(
-        0.25, 'px', 'Standard deviation of what the seeds of a window of `planes.radius` say.',
-        chosen('.6: unlit pair .763 instead of .793 right; .12: z-scores of 2.'))
+        0.15, 'px', 'Standard deviation of what the seeds of a window of `planes.radius` say.',
+        chosen('.25: .8687 instead of .8743 right, eight pairs of casting and effector_bin whose '
+               'brightness counts; hi .81 instead of .93 %.'))
     inertia: float = constant(
         0.5, '1', 'By how much the plane of a neighbor must fit better, see `neighbors.inertia`.',
         chosen('Unlit pair .793 -> .816 right; 1: .01 more right and .01 more wrong.'))
     seed_gate: float = constant(
         1.5, 'px', 'Distance of a seed up to which it holds a plane.',
         unexplained('As `planes.gates`.'))
+    disputed_distance: float = constant(
+        1.0, 'px', 'Distance of a seed from a plane from which the seed replaces the plane.',
+        chosen('A plane further away is not the same match. Eight pairs of casting and '
+               'effector_bin: right .8585 -> .8687, hi .91 -> .81 %.'))
+    disputed_border: float = constant(
+        4.0, 'px', 'Distance from the border of the right view up to which a seed replaces '
+        'nothing.', derived('The windows of the search reach 2 px; a match moves by some px.'))
+    disputed_std: float = constant(
+        0.25, 'px', 'Standard deviation of seeds that replace planes.',
+        unexplained('Found in whole px, with a fit between them.'))
     least_detail: float = constant(
         0.3, '1', 'Detail of a node below which it tells nothing, see `texture.detail`.',
         chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
@@ -991,8 +1018,11 @@ class TrustTuning(Constants):
         (0.5, 4.0), 'px', 'Smallest and largest reach of a node in the right image.',
         unexplained(FIRST), compiled=True)
     discord_distance: float = constant(
-        0.3, 'px^0.5', 'Root of the distance of the neighbors above which a node contradicts '
-        'them.', unexplained('.09 px: most planes of real surfaces agree better (9662ae5).'))
+        0.45, 'px^0.5', 'Root of the distance of the neighbors above which a node contradicts '
+        'them.',
+        chosen('.2 px. .3, which is .09 px: full well of 1000 electrons, effector_bin .705 right '
+               'instead of .803; gamma of both .881 instead of .918; ambient light of 300 % .722 '
+               'instead of .787. Wrong and hi are the same.'))
     discord_variance: float = constant(
         0.25, 'px^2', 'Variance of a plane below which its node may contradict its neighbors.',
         unexplained('.5 px: a vaguer plane contradicts by its noise.'))

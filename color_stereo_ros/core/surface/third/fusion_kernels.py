@@ -3,7 +3,7 @@
 
 import math
 
-from ...compiled import band, banded, LENGTH, part, stack_row
+from ...compiled import band, banded, LENGTH, part, stack_array, stack_row
 from ...status_codes import IMPLAUSIBLE
 from ..grid_kernels import F4, FAST, PAD
 from ..trust_kernels import HOPELESS_ODDS
@@ -16,6 +16,8 @@ DISTANCE_CAP = F4(TUNING.use.distance_cap)
 LOWEST, HIGHEST = (F4(limit) for limit in TUNING.use.odds_limits)
 AGREEMENT = F4(TUNING.use.agreement)
 KEPT_ODDS = F4(TUNING.use.kept_odds)
+MOST_EVIDENCE = 8
+stack_evidence = stack_array(F4, MOST_EVIDENCE, LENGTH)
 NOTHING, AGREE, FIRM, APART = range(4)  # kinds of nodes, see `fusion.Inputs`
 RIGHT_CAMERA, PROJECTOR = 1, 2  # bits of `RangeResult.views`
 
@@ -75,37 +77,40 @@ def weigh_forms(k, evidence, kind, forms, out):
     """
     Write x . forms[n - 1] x of x = (1, evidence) at the nodes of kind n; others stay.
 
-    evidence float32 (K, rows, columns), kind uint8 (rows, columns), 0 = none, forms float32
-    (N, K + 1, K + 1), upper triangular, out float32 (rows, columns).
+    evidence float32 (K, rows, columns), K at most MOST_EVIDENCE; kind uint8 (rows, columns), 0 =
+    none; forms float32 (N, K + 1, K + 1), upper triangular; out float32 (rows, columns).
 
     """
     count, rows, columns = evidence.shape
     first, last = band(k, rows)
-    total, inner = stack_row(), stack_row()
+    total, inner, told = stack_row(), stack_row(), stack_evidence()
     for row in range(first, last):
         for start in range(0, columns, LENGTH):
             size = min(LENGTH, columns - start)
-            stop = start + size
-            kinds, told = kind[row, start:stop], out[row, start:stop]
+            kinds, result = kind[row, start:start + size], out[row, start:start + size]
+            for i in range(count):
+                each = evidence[i, row, start:start + size]
+                for x in range(size):
+                    told[i, x] = each[x]
             for which in range(forms.shape[0]):
                 if not any_is(kinds, which + 1):
                     continue
-                for x in range(size):
+                # loops of a constant length: entries beyond the size are not used
+                for x in range(LENGTH):
                     total[x] = forms[which, 0, 0]
                 for i in range(count):
                     constant = forms[which, 0, i + 1]
-                    for x in range(size):
+                    for x in range(LENGTH):
                         inner[x] = constant
                     for j in range(i, count):
-                        factor, each = forms[which, i + 1, j + 1], evidence[j, row, start:stop]
-                        for x in range(size):
-                            inner[x] += factor * each[x]
-                    one = evidence[i, row, start:stop]
-                    for x in range(size):
-                        total[x] += one[x] * inner[x]
+                        factor = forms[which, i + 1, j + 1]
+                        for x in range(LENGTH):
+                            inner[x] += factor * told[j, x]
+                    for x in range(LENGTH):
+                        total[x] += told[i, x] * inner[x]
                 for x in range(size):
                     if kinds[x] == which + 1:
-                        told[x] = total[x]
+                        result[x] = total[x]
 
 
 @banded(fastmath=FAST)

@@ -16,7 +16,8 @@ import math
 
 import numpy as np
 
-from ...compiled import band, banded, LENGTH, part, serial, stack_integers, stack_row
+from ...compiled import (
+    band, banded, LENGTH, part, serial, stack_array, stack_integers, stack_row)
 from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS, U4
 from .tuning import TUNING
 
@@ -29,6 +30,7 @@ UNIT = F4(TUNING.sweep.unit)
 MARGIN = F4(TUNING.color.margin)
 LEAST_LIGHT = F4(TUNING.color.least_light)
 LARGEST = I2(32767)
+stack_pixels = stack_array(U4, LENGTH)
 PATHS = 2  # of what is needed of a coarse node: paths; 1: its costs only; 0: nothing
 
 
@@ -75,6 +77,9 @@ def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, co
     last_u, last_v = F4(width - 1) - margin, F4(height - 1) - margin
     one, two = F4(1), F4(2)
     us, vs, gus, gvs = stack_row(), stack_row(), stack_row(), stack_row()
+    ss, ts, dus, dvs = stack_row(), stack_row(), stack_row(), stack_row()
+    places, pixels0, pixels1 = stack_pixels(), stack_pixels(), stack_pixels()
+    pixels2, pixels3 = stack_pixels(), stack_pixels()
     for n in range(count):
         x, d = xs[n], ds[n]
         depth = m[8] * x + m[9] * y + m[10] + m[11] * d
@@ -84,13 +89,20 @@ def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, co
         inside = ((depth > LEAST_DEPTH) & (u >= margin) & (v >= margin) & (u < last_u)
                   & (v < last_v))
         u, v = u if inside else F4(0), v if inside else F4(0)
-        du, dv = (m[3] - u * m[11]) * inverse, (m[7] - v * m[11]) * inverse
         i, j = I4(u), I4(v)
-        s, t = u - F4(i), v - F4(j)
-        at = U4(j * width + i)
-        below = U4(at + width)
-        p0, p1 = flat[at], flat[U4(at + 1)]
-        p2, p3 = flat[below], flat[U4(below + 1)]
+        us[n] = F4(0) if inside else NAN
+        ss[n], ts[n] = u - F4(i), v - F4(j)
+        dus[n], dvs[n] = (m[3] - u * m[11]) * inverse, (m[7] - v * m[11]) * inverse
+        places[n] = U4(j * width + i)
+    # some processors gather slowly: then LLVM would make no SIMD of what is around
+    for n in range(count):
+        at = places[n]
+        below = U4(at + U4(width))
+        pixels0[n], pixels1[n] = flat[at], flat[U4(at + U4(1))]
+        pixels2[n], pixels3[n] = flat[below], flat[U4(below + U4(1))]
+    for n in range(count):
+        s, t, du, dv = ss[n], ts[n], dus[n], dvs[n]
+        p0, p1, p2, p3 = pixels0[n], pixels1[n], pixels2[n], pixels3[n]
         upper, lower = red_of(p1) - red_of(p0), red_of(p3) - red_of(p2)
         top = red_of(p0) + s * upper
         down = red_of(p2) + s * lower - top
@@ -114,7 +126,7 @@ def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, co
         share = one / (total if total > LEAST_LIGHT else LEAST_LIGHT)
         own_u, own_v = (two * r - g - b) * share, ROOT3 * (g - b) * share
         change = dr + dg + db
-        us[n] = gray[n] * own_u if inside else NAN
+        us[n] += gray[n] * own_u  # NaN stays
         vs[n] = gray[n] * own_v
         gus[n] = gray[n] * (two * dr - dg - db - own_u * change) * share
         gvs[n] = gray[n] * (ROOT3 * (dg - db) - own_v * change) * share
@@ -330,11 +342,12 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, need
                 gray[n] = light[2, row, column] * scale
             for start in range(0, depth, LENGTH):
                 count = min(LENGTH, depth - start)
-                for n in range(count):
+                whole = (count + 7) & ~7  # vectors of 8
+                for n in range(whole):
                     ds[n] = first_disparity + F4(start + n) * spacing
-                see(flat, size, m, c, F4(0), count, xs, offset + step * F4(row), ds, red, blue,
+                see(flat, size, m, c, F4(0), whole, xs, offset + step * F4(row), ds, red, blue,
                     gray, color_u, color_v, slope_u, slope_v)
-                for n in range(count):
+                for n in range(whole):
                     away = abs(own_u - color_u[n]) + abs(own_v - color_v[n])
                     away = away if away < full else full
                     some[n] = I2(neutral + (I2(I2(I2(away) - neutral) * w) >> I2(4)))
