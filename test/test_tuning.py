@@ -51,6 +51,7 @@ GLOBALS = {
     'SIZE',               # of any small rig
     'ROOT3', 'ROOT12',    # from the definition of chromaticity
     'SIDE', 'VALUES',     # sizes of a patch
+    'MOST_EVIDENCE',      # room for the kinds of evidence
     'LENS', 'FREEDOMS',   # places of unknowns
     'RING', 'TENT',       # shapes of the neighbors that demosaicing mixes
     'GAUGES', 'REACH', 'LINEAR', 'QUADRATIC',  # from the model of unequal views

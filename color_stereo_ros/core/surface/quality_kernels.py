@@ -23,10 +23,10 @@ def sample_quality(k, d, weight, moment, variance, reference, step, samples):
     samples, float32 (4, h, w), takes two numbers, 1 and a height, or zeros where the
     disparity or its surroundings are unknown. First the root of (sum of pulls)^2 over the sum of
     weights, both over the nodes up to REACH away: 1 on average for noise as the weights say that
-    is not shared by neighbors. A pull is moment - weight d, what a node asks for beyond its plane. Second the
-    smaller of the second differences of d over SPAN nodes along rows and along columns, px: those
-    of an error, since few surfaces bend both ways. Both are capped. The height is the range of d over the
-    nodes up to REACH away, px.
+    is not shared by neighbors. A pull is moment - weight d, what a node asks for beyond its
+    plane. Second the smaller of the second differences of d over SPAN nodes along rows and along
+    columns, px: those of an error, since few surfaces bend both ways. Both are capped. The height
+    is the range of d over the nodes up to REACH away, px.
 
     """
     first, last = band(k, samples.shape[1])
