@@ -103,7 +103,7 @@ def test_a_stream_that_becomes_a_trigger_after_two_periods_is_answered_at_once(c
     world.run(4.0)
     world._events.clear()  # the stream ends
     world.period = 0
-    world.run(0.35)
+    world.run(0.65)
     for _ in range(20):
         world.call()
         world.run(0.3)
@@ -242,7 +242,7 @@ def test_the_fastest_pair_tells_when_others_would_have_come():
 
 
 @pytest.mark.parametrize('period, delay, silence', [
-    (0.02, 0.2, 0.2), (0.1, 0.3, 0.2), (0.2, 0.6, 0.4), (1.0, 1.0, 2.0)])
+    (0.02, 0.2, 0.5), (0.1, 0.3, 0.5), (0.2, 0.6, 0.5), (1.0, 1.0, 2.0)])
 def test_delay_and_silence_follow_from_the_period(period, delay, silence):
     flow, before = Flow(0), None
     assert flow.delay(0) == NS and flow.is_on(NS - 1) and not flow.is_on(NS)

@@ -22,6 +22,8 @@ _GAPS_KEPT, _GAPS_NEEDED = 16, 3
 _PERIODS_OF_DELAY = 3
 _DELAY_LEAST, _DELAY_MOST = _NS // 5, _NS
 _PERIODS_OF_SILENCE = 2
+_SILENCE_LEAST = _NS // 2
+"""ns; a sender on a busy machine pauses for less."""
 _SILENCE = _NS
 """ns of silence after which nothing flows while the period is unknown."""
 _SLACK = 5_000_000
@@ -113,7 +115,7 @@ class Flow:
     def is_on(self, steady):
         """Tell whether pairs flow at a moment: the last one came within two periods."""
         period = self._period(0)
-        silence = _SILENCE if period is None else max(_PERIODS_OF_SILENCE * period, _DELAY_LEAST)
+        silence = _SILENCE if period is None else max(_PERIODS_OF_SILENCE * period, _SILENCE_LEAST)
         return steady - self._last < silence
 
     def forget_stamp(self):
