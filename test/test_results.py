@@ -23,7 +23,7 @@ def result(depth, status, deviation=0.5):
 
 
 def test_status_codes_are_the_published_ones():
-    assert [status.value for status in Status] == list(range(9))
+    assert [status.value for status in Status] == list(range(10))
     assert (Status.VALID, Status.OUTSIDE_IMAGE, Status.DARK, Status.SATURATED) == (0, 1, 2, 3)
 
 

@@ -27,7 +27,7 @@ Share of the variance of one pair that averages out at most.
 Errors that all pairs share do not show in their differences. On planes, where the noise alone
 explains the variance, they raise z68 of 8 pairs from 1.1 to 1.4 without this limit.
 """
-_MOVED = np.float32(9.0)
+_MOVED = np.float32(6.0)
 """Variance between the pairs over that of one pair from which a pixel may have moved."""
 _OTHERS = 0.25
 """So do this share of the pairs that give another value alike."""
