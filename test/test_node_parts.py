@@ -18,6 +18,7 @@ from color_stereo_ros.core.doubts import Doubts
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.files.cloud import save_cloud
 from color_stereo_ros.messages.calibration_watch import CalibrationWatch
+from color_stereo_ros.messages.contents import CompressedImage, Header
 from color_stereo_ros.messages.synchronizer import Pair
 from color_stereo_ros.nodes.complaints import Complaints
 from color_stereo_ros.nodes.environment import defaults, fast_dds_is_known, LOCAL_PROFILE, PROFILE
@@ -26,6 +27,8 @@ from color_stereo_ros.nodes.sensor.outputs import Outputs
 from color_stereo_ros.nodes.sensor.worker import Setup, Worker
 from color_stereo_ros.nodes.usage import is_wanted
 from color_stereo_ros.parameters.groups import RangeNodeSettings
+
+import cv2
 
 import numpy as np
 
@@ -302,6 +305,18 @@ def test_an_exception_costs_its_pair_and_not_the_worker(work, monkeypatch):
     assert failures == ['RuntimeError: broken on purpose']
     assert 'Traceback' in log.errors[0] and len(log.errors) == 1
     assert (worker.account.measured, worker.account.failed) == (2, 1)
+
+
+def test_a_compressed_pair_is_known_by_its_identity_when_it_is_published(work):
+    published, one = [], pair()
+    compressed = replace(one, **{
+        side: CompressedImage(Header.of(getattr(one, side).header), 'rgb8; png compressed bgr8',
+                              cv2.imencode('.png', image[..., ::-1])[1].tobytes())
+        for side, image in zip(('left', 'right'), scene())})
+    work([one, compressed], on_publish=lambda *arguments: published.append(arguments))
+    (expected, *_), (result, same, _) = published
+    assert same is compressed
+    np.testing.assert_array_equal(result.disparity, expected.disparity)
 
 
 def test_a_failure_to_publish_is_contained_as_well(work):

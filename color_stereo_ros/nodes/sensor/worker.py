@@ -212,9 +212,9 @@ class Worker:
             self._note_uncalibrated(pair)
             return
         bits = setup.settings.input.significant_bits
-        pair = opened(pair)
+        shown = opened(pair)  # others know the pair by its identity
         left, right = (_image(side, message, bits) if message is not None else None
-                       for side, message in (('left', pair.left), ('right', pair.right)))
+                       for side, message in (('left', shown.left), ('right', shown.right)))
         self.lost = _loss(left, right) if setup.settings.input.survive_right_loss else None
         if self.lost:
             result = _with_projector(stereo, left, self.lost)
@@ -226,7 +226,7 @@ class Worker:
         self._publish(result, pair, setup)
         self._note_success(result)
         if not self.lost:
-            self._look(stereo, pair, left, right, result, bits)
+            self._look(stereo, shown, left, right, result, bits)
 
     def _look(self, stereo, pair, left, right, result, bits):
         """Look for what is odd about a pair, and for what its successors need."""
