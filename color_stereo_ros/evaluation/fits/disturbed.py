@@ -27,7 +27,7 @@ def lit_pairs(scenes, cases, options):
     scenes : sequence of str
         Of `stress.light.SCENES`.
     cases : sequence of str
-        Of `stress.disturbances.DISTURBANCES`.
+        Of `stress.disturbances.DISTURBANCES`; or (str, level), which is not the hardest step.
     options : color_stereo_ros.evaluation.fits.run.Options
         `light` keeps the light, `cache` where there is none.
 
@@ -43,13 +43,14 @@ def lit_pairs(scenes, cases, options):
 
 
 def pair_of(shots, case):
-    """Return the Pair of a scene under the hardest step of a disturbance."""
+    """Return the Pair of a scene under the hardest step of a disturbance; see `lit_pairs`."""
+    case, level = (case, None) if isinstance(case, str) else case
     disturbance = DISTURBANCES[case]
-    rig = disturbance.rig(disturbance.levels[-1])
+    rig = disturbance.rig(disturbance.levels[-1] if level is None else level)
     left, right = shots.pair(rig)
     truth, scene = shots.truth(rig.mounting), shots.scene
     near, far = scene.depth_limits
     settings = Settings().updated({'range.min_depth': near, 'range.max_depth': far,
                                    **rig.settings})
     return Pair(case, scene.calibration, settings, left, right, truth.disparity, truth.visible,
-                truth.lit & ~truth.visible)
+                truth.lit & ~truth.visible, scene=scene.name)

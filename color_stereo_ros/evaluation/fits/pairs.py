@@ -35,6 +35,8 @@ class Pair:
     """bool (H, W), seen by the left camera only."""
     projector: object = None
     """The exact ProjectorModel; None: not known."""
+    scene: str = None
+    """Where `name` is that of a disturbance."""
 
 
 def simulated(name, pattern=PatternSettings(), cache=None, seed=1, quick=False):

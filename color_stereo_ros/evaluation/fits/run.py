@@ -3,11 +3,11 @@
 
 from dataclasses import dataclass
 
-from . import pairs, period, quality, slow, spread, steps, temper, third, trust
+from . import doubts, pairs, period, quality, slow, spread, steps, temper, third, trust
 from .records import comparison, record, write_model
 
 FITS = {'trust': trust, 'slow': slow, 'spread': spread, 'period': period,
-        'third': third, 'steps': steps, 'temper': temper, 'quality': quality}
+        'third': third, 'doubts': doubts, 'steps': steps, 'temper': temper, 'quality': quality}
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ MODEL_NAMES = 'form', 'agree', 'two_apart', 'third_apart', 'firm'
 EVIDENCE = ('two', 'third', 'witness', 'contested_two', 'contested_third', 'dim', 'nearer',
             'farther')
 OWN_EVIDENCE = 'cost', 'misfit', 'sigma', 'apart'
+THINNED = 4  # every so many nodes tell what a pair as a whole is like
 APART_OF_NEIGHBORS = OWN_EVIDENCE.index('apart')
 
 
@@ -103,6 +104,7 @@ class Fusion:
         self.two_forms = np.stack([forms[name] for name in ('agree', 'firm', 'two_apart')])
         self.third_form = forms['third_apart'][None]
         self.doubts = np.array([0, *TUNING.use.doubts], F4)  # by kind
+        self.fading = TUNING.use.expected_wrong
         self.own = np.zeros((len(OWN_EVIDENCE), *grid.nodes), F4)
         self.evidence = np.zeros((len(EVIDENCE), *grid.nodes), F4)
         self.odds, self.third_odds = np.zeros((2, *grid.nodes), F4)
@@ -228,9 +230,23 @@ class Fusion:
         weigh_forms(self.evidence, self.only_third, self.third_form, self.third_odds)
         fused, third = self.fused, found.planes
         std = self.std(third, F4(TUNING.spread.geometry_share) * found.geometry)
-        decide(self.kind, self.possible, self.evidence, self.odds, self.third_odds, self.doubts,
-               planes.d, planes.a, planes.b, verdict.std, verdict.reason, third.d, third.a,
-               third.b, std, fused.planes.d, fused.planes.a, fused.planes.b,
-               fused.verdict.std, fused.verdict.log_odds, fused.verdict.reason, fused.views,
-               fused.beyond)
+        decide(self.kind, self.possible, self.evidence, self.odds, self.third_odds,
+               self.doubts * self.demanding(verdict), planes.d, planes.a, planes.b, verdict.std,
+               verdict.reason, third.d, third.a, third.b, std, fused.planes.d, fused.planes.a,
+               fused.planes.b, fused.verdict.std, fused.verdict.log_odds, fused.verdict.reason,
+               fused.views, fused.beyond)
         return fused
+
+    def demanding(self, verdict):
+        """
+        Return how much of the doubts counts in a pair, float32 0 .. 1.
+
+        The doubts keep the share of wrong ranges as low as that of two cameras. These say how
+        many of their own ranges they expect to be wrong. Under blur, noise or compression that
+        is more, and doubts would only take right ranges away.
+
+        """
+        odds = verdict.log_odds[self.grid.inner][::THINNED, ::THINNED]
+        told = odds[odds > 0]
+        wrong = np.mean(1 / (1 + np.exp(told))) if told.size else 0.0
+        return F4(np.interp(wrong, self.fading, (1, 0)))

@@ -154,7 +154,8 @@ def decide(k, kind, possible, evidence, odds, third_odds, doubts, two_d, two_a, 
     kind and possible as `sort_nodes` writes them, evidence[0] too. odds, third_odds, float32
     (rows, columns): log-odds of the planes of two cameras and of the third view, HOPELESS_ODDS
     where there is none; doubts float32 (4,), by kind. All others are framed, those after
-    third_std are written: float32, reason and views uint8, takes_third bool.
+    third_std are written: float32, reason and views uint8, takes_third bool. Where both agree,
+    a node keeps at least the log-odds that the two cameras give it.
 
     """
     rows, columns = kind.shape
@@ -170,7 +171,9 @@ def decide(k, kind, possible, evidence, odds, third_odds, doubts, two_d, two_a, 
             doubted = (which == AGREE) & (evidence[0, row, column] < KEPT_ODDS)
             takes = (third > two) | doubted
             agree = (which == AGREE) | (which == FIRM)
-            log_odds[y, x] = max(two, third) - (F4(0) if alone else doubts[which])
+            best = max(two, third)
+            best = max(best, evidence[0, row, column]) if which == AGREE else best
+            log_odds[y, x] = best - (F4(0) if alone else doubts[which])
             d[y, x] = third_d[y, x] if takes else two_d[y, x]
             a[y, x] = third_a[y, x] if takes else two_a[y, x]
             b[y, x] = third_b[y, x] if takes else two_b[y, x]

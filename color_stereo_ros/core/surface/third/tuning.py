@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ...constants import chosen, constant, Constants, derived
 from ..fitted import load_model
 
-THIRD = load_model('third')
+THIRD, DOUBTS = load_model('third'), load_model('doubts')
 
 
 @dataclass(frozen=True)
@@ -185,10 +185,13 @@ class UseTuning(Constants):
         2.0, 'px', 'Largest distance of a neighbor that counts as evidence.',
         derived('As `trust.distance_cap`.'), compiled=True)
     doubts: tuple = constant(
-        (0.75, 0.0, 0.75), '1', 'By how much log-odds are lowered where planes of both agree, '
-        'where two cameras know the place, and where the planes differ.',
-        chosen('Ten scenes, each fitted without it: as few wrong and false ranges as two views '
-               'give. 0: .3 % more of the visible pixels are wrong.'))
+        DOUBTS['doubts'], '1', 'By how much log-odds are lowered at most where planes of both '
+        'agree, where two cameras know the place, and where the planes differ.',
+        DOUBTS.provenance('doubts'))
+    expected_wrong: tuple = constant(
+        DOUBTS['expected_wrong'], '1', 'Share of its ranges that two cameras expect to be wrong, '
+        'from their log-odds, from which doubts begin to fade, and from which there is none.',
+        DOUBTS.provenance('expected_wrong'))
     odds_limits: tuple = constant(
         (-8.0, 14.0), '1', 'Limits of the log-odds that are weighed against each other.',
         chosen('Below, a plane is wrong for certain.'))
