@@ -21,7 +21,8 @@ from . import disturbed
 SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
 CASES = (('none', 1.0), ('rows', 1.0), ('blur_both', 2.0), ('jpeg', 60), ('gamma_both', 2.2),
          ('projector_gamma', 2.2), ('exposure', 0.2))
-DOUBTS = tuple((agree, 0.0, round(agree + 0.2, 2)) for agree in (0.0, 0.4, 0.6, 0.7, 0.85, 1.0, 1.2))
+DOUBTS = tuple((agree, 0.0, round(agree + 0.2, 2))
+               for agree in (0.0, 0.4, 0.6, 0.7, 0.85, 1.0, 1.2))
 FADING = (0.02, 0.04), (0.02, 0.05), (0.03, 0.05), (0.03, 0.06), (1.0, 2.0)
 """Of `use.expected_wrong`; the last one: doubts never fade."""
 
