@@ -10,6 +10,7 @@ from color_stereo_ros.core.surface.third.color_kernels import (
     color_equations, color_errors, color_slopes, solve_changes)
 from color_stereo_ros.core.surface.third.colors import (
     chromaticity, fitted_colors, local_light, mixed)
+from color_stereo_ros.core.surface.third.fusion import Fusion
 from color_stereo_ros.core.surface.third.fusion_kernels import (
     AGREE, APART, decide, FIRM, gather_evidence, sort_nodes, weigh_forms)
 from color_stereo_ros.core.surface.third.search import needed_nodes
@@ -20,6 +21,7 @@ from color_stereo_ros.core.surface.third.sweep_kernels import (
     paths_along_columns, paths_along_rows, places_of_nodes, sum_windows, sweep_costs,
     sweep_misfits, take_better)
 from color_stereo_ros.core.surface.third.tuning import TUNING
+from color_stereo_ros.core.surface.trust import Verdict
 from color_stereo_ros.core.surface.tuning import TUNING as TUNING_OF_TWO
 import naive_sweep
 import numpy as np
@@ -430,14 +432,29 @@ def test_nodes_are_sorted_by_what_both_say_and_the_better_plane_is_taken():
         lost = which == APART and not may
         own = hopeless if lost else weighed[y, x]
         better = third_odds[y, x] > own or (which == AGREE and bounded < use.kept_odds)
+        best = max(own, third_odds[y, x], bounded if which == AGREE else hopeless)
         np.testing.assert_allclose(out[:, at[0], at[1]], [
             *(third if better else two)[:, at[0], at[1]],
-            max(own, third_odds[y, x]) - (0 if lost else doubts[which])], rtol=1e-6)
+            best - (0 if lost else doubts[which])], rtol=1e-6)
         agree = which in (AGREE, FIRM)
         assert takes[at] == better and codes[at] == (Status.IMPLAUSIBLE if better else 3)
         assert views[at] == (1 if agree or not better else 0) + (2 if agree or better else 0)
     np.testing.assert_array_equal(out[4][inner][:, 0], out[4][PAD:PAD + rows, PAD - 1])
     np.testing.assert_array_equal(out[4][inner][:, -1], out[4][PAD:PAD + rows, PAD + columns])
+
+
+def test_doubts_fade_where_two_cameras_expect_wrong_ranges():
+    grid = stereo()._method.views.grid
+    begin, end = TUNING.use.expected_wrong
+    counts = []
+    for wrong in (begin / 2, (begin + end) / 2, 2 * end):
+        odds = np.full(grid.shape, -5.0, F4)  # nodes without a range do not count
+        odds[::2] = np.log(1 / wrong - 1)
+        verdict = Verdict(odds, odds, np.zeros(grid.shape, np.uint8))
+        counts.append(Fusion(grid).demanding(verdict))
+    np.testing.assert_allclose(counts, [1, 0.5, 0], atol=1e-3)
+    nothing = Verdict(odds, np.full(grid.shape, -5.0, F4), np.zeros(grid.shape, np.uint8))
+    assert Fusion(grid).demanding(nothing) == 1
 
 
 def colored_nodes():

@@ -19,7 +19,8 @@ from ...core.surface.pixels import measured_pixels
 from . import disturbed
 
 SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
-CASES = (('none', 1.0), ('rows', 1.0), ('blur_both', 2.0), ('jpeg', 60), ('gamma_both', 2.2),
+CLEAN = 'none'
+CASES = ((CLEAN, 1.0), ('rows', 1.0), ('blur_both', 2.0), ('jpeg', 60), ('gamma_both', 2.2),
          ('projector_gamma', 2.2), ('exposure', 0.2))
 DOUBTS = tuple((agree, 0.0, round(agree + 0.2, 2))
                for agree in (0.0, 0.4, 0.6, 0.7, 0.85, 1.0, 1.2))
@@ -97,7 +98,8 @@ def verdict(scenes, choice):
     """Return the Verdict of one choice on some scenes."""
     gains = {case: float(np.mean([each[case][1][choice].right - each[case][0].right
                                   for each in scenes])) for case in scenes[0]}
-    worst, clean = min(gains, key=gains.get), [each['none'][1][choice] for each in scenes]
+    worst = min(gains, key=gains.get)
+    clean = [each.get(CLEAN, each[worst])[1][choice] for each in scenes]
     return Verdict(gains[worst], worst, float(np.mean([each.wrong for each in clean])),
                    float(np.mean([each.false_wrong for each in clean])))
 

@@ -57,7 +57,6 @@ MODEL_NAMES = 'form', 'agree', 'two_apart', 'third_apart', 'firm'
 EVIDENCE = ('two', 'third', 'witness', 'contested_two', 'contested_third', 'dim', 'nearer',
             'farther')
 OWN_EVIDENCE = 'cost', 'misfit', 'sigma', 'apart'
-THINNED = 4  # every so many nodes tell what a pair as a whole is like
 APART_OF_NEIGHBORS = OWN_EVIDENCE.index('apart')
 
 
@@ -246,7 +245,8 @@ class Fusion:
         is more, and doubts would only take right ranges away.
 
         """
-        odds = verdict.log_odds[self.grid.inner][::THINNED, ::THINNED]
+        step = TUNING.use.told_step
+        odds = verdict.log_odds[self.grid.inner][::step, ::step]
         told = odds[odds > 0]
         wrong = np.mean(1 / (1 + np.exp(told))) if told.size else 0.0
         return F4(np.interp(wrong, self.fading, (1, 0)))

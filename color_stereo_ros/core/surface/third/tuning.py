@@ -192,6 +192,9 @@ class UseTuning(Constants):
         DOUBTS['expected_wrong'], '1', 'Share of its ranges that two cameras expect to be wrong, '
         'from their log-odds, from which doubts begin to fade, and from which there is none.',
         DOUBTS.provenance('expected_wrong'))
+    told_step: int = constant(
+        4, 'nodes', 'Distance of the nodes, across and down, whose log-odds tell that share.',
+        derived('Some 3000 nodes of a VGA pair: known to a twentieth.'))
     odds_limits: tuple = constant(
         (-8.0, 14.0), '1', 'Limits of the log-odds that are weighed against each other.',
         chosen('Below, a plane is wrong for certain.'))
