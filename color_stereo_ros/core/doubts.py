@@ -5,8 +5,9 @@ import re
 import time
 
 from .account import (doubt_about_ranges, doubt_about_rivals, doubts_about_features,
-                      doubts_about_images, doubts_about_order, doubts_about_rows, status_shares,
-                      SUSPICIOUS)
+                      doubts_about_images, doubts_about_order, doubts_about_rows, exposure_of,
+                      status_shares, SUSPICIOUS)
+from .patterns.seen import pattern_seen
 
 _PERIOD = 0.5
 """s between two looks at the images."""
@@ -16,6 +17,8 @@ _SHARE = 5
 """The other order takes at most one part of so many parts of the time, and one more."""
 _ROWS = 4
 """Every so many rows of the images are looked at."""
+_COLUMNS = 4
+"""The same of columns, where no neighbors are compared."""
 
 
 class Doubts:
@@ -38,6 +41,10 @@ class Doubts:
         self._kinds = set()
         self._images_due = self._order_due = -float('inf')
         self._wait = _PERIOD
+        self.exposure = None
+        """The Exposure of the last pair that was looked at, or None."""
+        self.pattern = None
+        """What it shows of the pattern, a Seen, or None."""
 
     @property
     def current(self):
@@ -59,6 +66,10 @@ class Doubts:
         if self._clock() >= self._images_due:
             self._images_due = self._clock() + _PERIOD
             self._look_at_images(left[::_ROWS], right[::_ROWS])
+            self.exposure = exposure_of(
+                left[::_ROWS, ::_COLUMNS], right[::_ROWS, ::_COLUMNS],
+                stereo.settings.color.saturation_level)
+            self.pattern = pattern_seen(result.image, stereo.settings.pattern)
             self._features = doubts_about_features(stereo.settings.pattern, result,
                                                    said=bool(self._features))
         if result.density >= SUSPICIOUS:
