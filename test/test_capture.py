@@ -173,6 +173,16 @@ def read_ply(path):
     return np.frombuffer(body, kinds)
 
 
+def test_the_services_are_those_of_the_node_itself(rig):
+    def services():
+        found = rig.node.get_service_names_and_types_by_node(
+            rig.target.rpartition('/')[2], rig.target.rpartition('/')[0] or '/')
+        return {name for name, _ in found}
+
+    names = {f'{rig.target}/{name}' for name in ('capture', 'save', 'set_parameters')}
+    assert rig.spin_until(lambda: names <= services(), 'the services that `ros2 node info` shows')
+
+
 @pytest.mark.parametrize('suffix', ['ply', 'pcd'])
 def test_save_writes_a_file_and_names_it(rig, suffix):
     assert rig.set_parameters(output__save_format=suffix).successful
