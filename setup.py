@@ -31,6 +31,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         shared('config'),
+        shared('hook'),
         shared('launch'),
     ],
     python_requires='>=3.11',
@@ -52,5 +53,7 @@ setup(
         f'pattern_node = {NAME}.nodes.pattern_node:main',
         f'sim_rig_node = {NAME}.nodes.sim_rig_node:main',
         f'color_stereo = {NAME}.cli.main:main',
+        f'show_rviz = {NAME}.nodes.launching:show_rviz',
+        f'play_recording = {NAME}.nodes.launching:play_recording',
     ]},
 )

@@ -53,6 +53,8 @@ DISPARITY = 10
 DEPTH = 60.0 * 0.06 / DISPARITY
 PATIENCE = 60.0
 """s until a test gives up; nothing depends on how fast things are."""
+COMPILING = 300.0
+"""s until a test gives up where kernels may have to be compiled, beside other tests."""
 ASK_AGAIN = 10.0
 """s until a request to a service is repeated."""
 PAPER = {'matching.method': 'paper', 'range.min_depth': 0.25, 'range.max_depth': 0.8,
@@ -125,9 +127,9 @@ class NodeProcess:
         """Return all that the node has said."""
         return self.log.read_text(errors='replace')
 
-    def wait_until_said(self, *words, since=0):
+    def wait_until_said(self, *words, since=0, patience=PATIENCE):
         """Wait until the log, from a position on, holds all words."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + patience
         while time.monotonic() < deadline:
             if all(word in self.text()[since:] for word in words):
                 return
@@ -135,12 +137,26 @@ class NodeProcess:
             time.sleep(0.02)
         raise AssertionError(f'not said: {words}\n{self.text()[since:]}')
 
+    def wait_until_ready(self):
+        """Wait until the kernels are loaded, or compiled."""
+        self.wait_until_said('ready after', patience=COMPILING)
+
     def memory(self):
         """Return the resident memory, kB."""
         for line in Path(f'/proc/{self.process.pid}/status').read_text().splitlines():
             if line.startswith('VmRSS'):
                 return int(line.split()[1])
         raise AssertionError('no VmRSS')
+
+    def __enter__(self):
+        """Return this process."""
+        return self
+
+    def __exit__(self, *_):
+        """Leave no process behind, whatever has failed."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
 
     def stop(self, number=signal.SIGINT):
         """Send a signal and return the exit status."""
@@ -254,7 +270,7 @@ class Rig:
 
     def first_output(self, topic):
         """Send pairs until the first output arrives (kernels may have to be compiled)."""
-        deadline = time.monotonic() + 120.0
+        deadline = time.monotonic() + COMPILING
         while not self.received[topic]:
             assert time.monotonic() < deadline, f'no {topic}'
             self.send_pair()
@@ -352,16 +368,17 @@ def floats(msg):
 @contextmanager
 def silent_rig(folder, **parameters):
     """Yield a rig without any listener, whose node is ready; the node must end well."""
-    node = NodeProcess(folder / 'log.txt', parameters={
-        **PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0, **parameters})
-    rig = Rig()
-    rig.folder, rig.process = folder, node
-    rig.wait_for_node()
-    node.wait_until_said('ready after')
-    yield rig
-    assert node.stop() == 0
-    rig.close()
-    assert 'Traceback' not in node.text()
+    with NodeProcess(folder / 'log.txt', parameters={
+            **PAPER, 'output.diagnostics_period': 0.1, 'sync.warn_after': 1.0,
+            **parameters}) as node:
+        rig = Rig()
+        rig.folder, rig.process = folder, node
+        rig.wait_for_node()
+        node.wait_until_ready()
+        yield rig
+        assert node.stop() == 0
+        rig.close()
+        assert 'Traceback' not in node.text()
 
 
 @contextmanager
@@ -370,20 +387,22 @@ def answering(log, parameters, kinds, first):
     Yield a rig whose range_node has answered once; afterwards the node must end in good order.
 
     kinds: topics that are listened to and their message classes; first: topic of the answer, or
-    None if nobody waits for it.
+    None if it is enough that the node is ready.
 
     """
-    node = NodeProcess(log, parameters=parameters)
-    rig = Rig()
-    rig.process = node
-    for topic, kind in kinds.items():
-        rig.listen(kind, topic)
-    rig.wait_for_node()
-    rig.wait_for_publishers()
-    if first:
-        rig.first_output(first)
-    yield rig
-    status = node.stop()
-    rig.close()
-    assert status == 0, node.text()
-    assert 'Traceback' not in node.text()
+    with NodeProcess(log, parameters=parameters) as node:
+        rig = Rig()
+        rig.process = node
+        for topic, kind in kinds.items():
+            rig.listen(kind, topic)
+        rig.wait_for_node()
+        rig.wait_for_publishers()
+        if first:
+            rig.first_output(first)
+        else:
+            node.wait_until_ready()
+        yield rig
+        status = node.stop()
+        rig.close()
+        assert status == 0, node.text()
+        assert 'Traceback' not in node.text()

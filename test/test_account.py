@@ -16,7 +16,7 @@ from color_stereo_ros.core import (
     ColorStereo, PatternSettings, Settings, Status, StereoCalibration)
 from color_stereo_ros.core.account import (
     doubt_about_projector, doubts_about_features, doubts_about_images, doubts_about_result,
-    main_reason, status_shares)
+    exposure_of, main_reason, rows_in_words, status_shares)
 from color_stereo_ros.core.patterns.feature_size import feature_size_in, FIELDS
 from color_stereo_ros.core.projector import Reason, Track
 from color_stereo_ros.files.image import write_image
@@ -63,6 +63,46 @@ def test_the_main_reason_is_the_largest_share_without_a_range():
     status[0] = Status.SATURATED
     status[1, 0] = Status.DARK
     assert main_reason(status_shares(status)) == '16.7% saturated: a color channel is overexposed'
+
+
+def lit(level, clipped=0.0):
+    """Return an image whose brightest surfaces have a level, DN, and a share of 255."""
+    image = np.zeros((100, 100, 3), np.uint8)
+    image[:50, :, 1] = np.linspace(20, level, 100).astype(np.uint8)
+    image[:round(50 * clipped)] = 255
+    return image
+
+
+@pytest.mark.parametrize('left, right, factor, words', [
+    (lit(95), lit(90), 2.1, 'raise exposure by 2.1, white card at 200'),
+    (lit(200), lit(190), 1, 'exposure is good: the brightest surfaces read'),
+    (lit(250), lit(250, 0.02), 1, 'exposure is good'),
+    (lit(120), lit(120, 0.2), 1 / 1.4, 'lower exposure by 1.4 and look again, white card at 200: '
+     '20% of the lit pixels are overexposed'),
+    (lit(0) * 0, lit(0) * 0, 1, 'nothing is lit')])
+def test_advice_on_the_exposure_brings_a_white_card_to_200(left, right, factor, words):
+    exposure = exposure_of(left, right, 254)
+    assert exposure.factor == pytest.approx(factor, rel=0.02)
+    assert words in exposure.sentence()
+
+
+def test_advice_that_is_followed_is_not_given_again():
+    image = lit(60).astype(float)
+    factor = exposure_of(image.astype(np.uint8), image.astype(np.uint8), 254).factor
+    brighter = np.clip(image * factor, 0, 255).astype(np.uint8)
+    assert exposure_of(brighter, brighter, 254).factor == 1
+
+
+def test_rows_are_told_in_a_few_words(stereo):
+    left, right = scene()
+    alignment = stereo.process(left, right).alignment
+    told = {rows_in_words(SimpleNamespace(alignment=each)) for each in (
+        None, alignment.but(covariance=np.eye(7) * 1e6), alignment.but(
+            coefficients=np.zeros(7), covariance=np.eye(7) * 1e-6, applied=np.zeros(7)),
+        alignment.but(coefficients=np.array([0.2, 0, 0, 0, 0, 0, 0]), searched='',
+                      covariance=np.eye(7) * 1e-6, applied=np.array([0.2, 0, 0, 0, 0, 0, 0])))}
+    assert told == {'rows are not looked at', 'rows are not known: the pattern does not show them',
+                    'rows agree', 'rows differ by 0.20 px (top left), and are corrected'}
 
 
 def test_a_good_pair_raises_no_doubt(stereo):

@@ -9,7 +9,9 @@ import numpy as np
 
 import pytest
 
-from ros_rig import calibration, scene, silent_rig, values_of
+from ros_rig import calibration, DISPARITY, scene, silent_rig, values_of
+
+from scenes import hue_pair
 
 from sensor_msgs.msg import Image
 
@@ -58,6 +60,46 @@ def test_with_a_subscriber_it_gives_rate_latency_and_shares(rig):
     assert len(shares) == len(Status) and sum(shares) == pytest.approx(1.0, abs=1e-3)
     assert float(values['share valid']) > 0.5
     assert values['subscribed'] == 'depth/image'
+
+
+def test_the_summary_comes_first_and_says_in_one_line_how_the_sensor_is(rig):
+    subscription = rig.listen(Image, 'depth/image')
+    rig.images = dict(zip(('left', 'right'), hue_pair(float(DISPARITY), 64, 48)))
+    parts = rig.feed(lambda p: p['summary'].message.startswith('measuring: ')
+                     and 'of sweep' in p['summary'].message, 'a summary')
+    rig.node.destroy_subscription(subscription)
+    assert list(parts)[0] == 'summary' and parts['summary'].level == DiagnosticStatus.OK
+    text, values = parts['summary'].message, values_of(parts['summary'])
+    assert ' Hz, ' in text and '% of the pixels' in text and ' ms; ' in text
+    for words in (values['exposure'], values['pattern'], values['rows']):
+        assert words in text
+    assert 'white card at 200' in values['exposure'] or 'exposure is good' in values['exposure']
+    assert values['pattern'] == 'colors change along rows only, as those of sweep do'
+    assert values_of(parts['pattern'])['seen'] == values['pattern']
+    assert float(values_of(parts['range images'])['memory of the node (MB)']) > 10
+
+
+def test_the_summary_names_what_is_to_be_looked_after_with_its_part(rig):
+    subscription = rig.listen(Image, 'depth/image')
+    rig.images = {side: np.full_like(image, level)
+                  for level, (side, image) in enumerate(rig.images.items())}
+    parts = rig.feed(lambda p: 'few pixels' in p['summary'].message, 'darkness')
+    rig.node.destroy_subscription(subscription)
+    assert parts['summary'].level == DiagnosticStatus.WARN
+    assert 'range images: hardly any pixel has a range' in parts['summary'].message
+
+
+def test_a_pattern_of_another_kind_is_told(rig):
+    assert rig.set_parameters(pattern__type='hue_field').successful
+    rig.images = dict(zip(('left', 'right'), hue_pair(float(DISPARITY), 64, 48)))
+    subscription = rig.listen(Image, 'depth/image')
+    parts = rig.feed(lambda p: 'looks like' in p['pattern'].message, 'another pattern')
+    rig.node.destroy_subscription(subscription)
+    assert rig.set_parameters(pattern__type='sweep').successful
+    assert parts['pattern'].level == DiagnosticStatus.WARN
+    assert parts['pattern'].message == (
+        'hue_field is set, but colors change along rows only: the image looks like sweep, '
+        'bright_sweep, sine, walsh or lines')
 
 
 def test_the_inputs_are_accounted_for(rig):

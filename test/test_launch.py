@@ -2,8 +2,11 @@
 """Launch files and layouts name only what the package has."""
 
 import json
+import os
 from pathlib import Path
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 
 from color_stereo_ros.core.settings import flat
@@ -60,6 +63,95 @@ def test_rviz_shows_outputs_with_their_qos():
     for display in displays:
         assert display['Topic']['Reliability Policy'] == 'Reliable'
         assert display['Topic']['Durability Policy'] == 'Volatile'
+
+
+FOXGLOVE_KEYS = {
+    '3D': {'cameraState', 'followMode', 'scene', 'transforms', 'topics', 'layers', 'publish',
+           'imageMode'},
+    'Image': {'cameraState', 'followMode', 'scene', 'transforms', 'topics', 'layers', 'publish',
+              'imageMode'},
+    'DiagnosticSummary': {'minLevel', 'pinnedIds', 'hardwareIdFilter', 'topicToRender',
+                          'sortByLevel'}}
+CLOUD_KEYS = {'visible', 'colorField', 'colorMode', 'pointSize'}
+
+
+def test_foxglove_knows_all_keys():
+    layout = json.loads((ROOT / 'config/foxglove_layout.json').read_text())
+    assert set(layout) == {'configById', 'globalVariables', 'userNodes', 'playbackConfig',
+                           'layout'}
+    for name, panel in layout['configById'].items():
+        assert set(panel) <= FOXGLOVE_KEYS[name.partition('!')[0]], name
+    assert set(layout['configById']['3D!points']['topics']['/points']) <= CLOUD_KEYS
+    for panel in ('Image!range', 'Image!left'):
+        assert set(layout['configById'][panel]['imageMode']) <= {'imageTopic', 'calibrationTopic'}
+
+
+def test_the_command_of_the_docs_puts_the_layout_into_a_namespace():
+    page = (ROOT / 'docs/nodes.md').read_text()
+    command = re.search(r'^    sed (.*) \\$', page, re.MULTILINE)[1]
+    text = subprocess.run(f'sed {command} config/foxglove_layout.json', shell=True, check=True,
+                          cwd=ROOT, capture_output=True, text=True).stdout
+    panels = json.loads(text)['configById']
+    assert panels['Image!range']['imageMode']['imageTopic'] == '/cell_1/range_image'
+    assert panels['Image!left']['imageMode'] == {
+        'imageTopic': '/cell_1/left/image_raw', 'calibrationTopic': '/cell_1/left/camera_info'}
+    assert set(panels['3D!points']['topics']) == {'/cell_1/points'}
+    assert panels['DiagnosticSummary!all']['topicToRender'] == '/diagnostics'
+
+
+def test_rviz_takes_the_topics_of_its_namespace():
+    layout = yaml.safe_load((ROOT / 'config/range_node.rviz').read_text())
+    displays = layout['Visualization Manager']['Displays']
+    assert not any(display['Topic']['Value'].startswith('/') for display in displays)
+    for path in LAUNCH:
+        for group in ElementTree.parse(path).iter('group'):
+            for node in group.iter('node'):
+                if node.get('exec') == 'show_rviz':
+                    assert group.find('push-ros-namespace') is not None
+
+
+def launched(function, *words, path, programs=('ros2', 'rviz2')):
+    """Run a program of the launch files; others on the PATH print their arguments."""
+    path.mkdir(exist_ok=True)
+    for name in programs:
+        program = path / name
+        program.write_text(f'#!{sys.executable}\nimport sys\nprint("\\n".join(sys.argv[1:]))\n')
+        program.chmod(0o755)
+    code = f'from color_stereo_ros.nodes.launching import {function} as main; ' \
+           'raise SystemExit(main())'
+    return subprocess.run([sys.executable, '-c', code, *words], cwd=ROOT, capture_output=True,
+                          text=True, env={**os.environ, 'PATH': str(path)})
+
+
+@pytest.mark.parametrize('text, options', [
+    ('--loop', ['--loop']), ('', []), ('-l -r 0.5', ['-l', '-r', '0.5']),
+    ('--remap "/a b:=/c"', ['--remap', '/a b:=/c'])])
+def test_options_of_the_player_are_any_number_of_words(text, options, tmp_path):
+    ran = launched('play_recording', '/tmp/my recording', text, path=tmp_path / 'bin')
+    assert ran.stdout.splitlines() == ['bag', 'play', '--clock', '100', '--delay', '3', *options,
+                                       '/tmp/my recording']
+
+
+@pytest.mark.parametrize('words, programs, said', [
+    (('', '--loop'), ('ros2',), 'no recording to play'),
+    (('bag', '"open'), ('ros2',), 'No closing quotation'),
+    (('bag', '--loop'), (), 'source the setup.bash of ROS 2')])
+def test_a_recording_that_cannot_be_played_is_told(words, programs, said, tmp_path):
+    ran = launched('play_recording', *words, path=tmp_path / 'bin', programs=programs)
+    assert ran.returncode == 1 and said in ran.stderr and 'Traceback' not in ran.stderr
+
+
+def test_rviz_gets_its_arguments_and_is_told_to_be_missing_where_it_is(tmp_path):
+    words = '-d', 'layout.rviz', '--ros-args', '-r', '__ns:=/cell_1'
+    ran = launched('show_rviz', *words, path=tmp_path / 'bin')
+    assert ran.stdout.splitlines() == list(words) and ran.returncode == 0
+    ran = launched('show_rviz', *words, path=tmp_path / 'none', programs=())
+    assert ran.returncode == 0 and 'rviz2 is not installed' in ran.stderr
+
+
+def test_the_launch_file_hands_on_the_options_of_the_player_as_one_word():
+    [player] = ElementTree.parse(ROOT / 'launch/replay.launch.xml').getroot().iter('executable')
+    assert player.get('cmd').split('/')[-1] == 'play_recording $(var bag) $(var play_args)'
 
 
 def test_foxglove_shows_topics_that_exist():

@@ -562,7 +562,7 @@ def test_images_without_a_calibration_are_not_measured(tmp_path):
     rig.listen(Image, DEPTH)
     rig.wait_for_node()
     rig.wait_for_publishers()
-    node.wait_until_said('ready after')
+    node.wait_until_ready()
     rig.send_pair(infos=False)
     node.wait_until_said('images arrive, but no left and no right camera_info')
     assert_told(rig, 'calibration', DiagnosticStatus.WARN, 'no left and no right camera_info')

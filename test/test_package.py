@@ -15,10 +15,11 @@ from xml.etree import ElementTree
 import pytest
 
 import color_stereo_ros
+from color_stereo_ros.nodes.launching import PLAYER
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = {'range_node', 'lifecycle_range_node', 'pattern_node', 'sim_rig_node',
-               'color_stereo'}
+               'color_stereo', 'show_rviz', 'play_recording'}
 
 ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'llvmlite': 'python3-numba',
                'numpy': 'python3-numpy', 'yaml': 'python3-yaml',
@@ -83,8 +84,10 @@ def test_package_xml_names_everything_that_the_launch_files_start(manifest):
         launch = ElementTree.parse(path).getroot()
         assert {node.get('pkg') for node in launch.iter('node')} <= named, path
         for command in (element.get('cmd') for element in launch.iter('executable')):
-            program, verb, *_ = command.split()
-            assert (program, f'ros2{verb}') in {('ros2', name) for name in named}, command
+            assert command.startswith('$(find-pkg-prefix color_stereo_ros)/lib/color_stereo_ros/')
+            assert command.split()[1].rpartition('/')[2] in EXECUTABLES, command
+    program, verb, *_ = PLAYER
+    assert f'{program}{verb}' in named and 'rviz2' in named
 
 
 def test_the_storage_of_the_samples_is_a_dependency(manifest):
@@ -141,16 +144,17 @@ def test_colcon_installs_manifest_marker_parameters_and_launch_files(workspace):
 
 def test_the_installed_command_runs_from_the_sourced_workspace(workspace):
     command = ('source install/setup.bash && '
-               'install/color_stereo_ros/lib/color_stereo_ros/color_stereo --version && '
+               'color_stereo --version && command -v color_stereo && '
                'python -c "import color_stereo_ros; print(color_stereo_ros.__file__)"')
     environment = {**os.environ, 'PYTHONPATH': '',
                    'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'}
     ran = subprocess.run(['bash', '-c', command], cwd=workspace, env=environment,
                          capture_output=True, text=True, timeout=120)
     assert ran.returncode == 0, ran.stderr
-    version, place = ran.stdout.splitlines()
+    version, command, place = ran.stdout.splitlines()
     assert version == f'color_stereo_ros {color_stereo_ros.__version__}'
-    assert place.startswith(str(workspace / 'install'))
+    for found in (command, place):
+        assert found.startswith(str(workspace / 'install'))
 
 
 def test_colcon_installs_the_data_files_inside_the_package(workspace):

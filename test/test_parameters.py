@@ -14,7 +14,8 @@ from rcl_interfaces.msg import ParameterType
 
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file
+from rclpy.parameter_client import AsyncParameterClient
 
 from ros_rig import NodeProcess, Rig
 
@@ -249,3 +250,49 @@ def test_the_shipped_file_is_found_in_every_namespace(make, tmp_path, namespace)
     owner = make('--params-file', str(file), '-r', f'__ns:={namespace or "/"}',
                  '-r', '__node:=range_node')
     assert owner.declare().settings.sync.queue_size == 5
+
+
+def dumped(rig):
+    """Return all parameters of a node as `ros2 param dump` writes them."""
+    tree = {}
+    for name in sorted(rig.parameter_names()):
+        *groups, key = name.split('.')
+        place = tree
+        for group in groups:
+            place = place.setdefault(group, {})
+        place[key] = rig.get_parameter(name)
+    return yaml.dump({rig.target: {'ros__parameters': tree}}, default_flow_style=False)
+
+
+@pytest.mark.parametrize('module', ['range_node', 'lifecycle_range_node', 'pattern_node'])
+def test_a_node_takes_a_dump_of_its_own_parameters(module, tmp_path):
+    node = NodeProcess(tmp_path / 'log.txt', module)
+    rig = Rig(node_name=module.removeprefix('lifecycle_'))
+    try:
+        file = tmp_path / 'dump.yaml'
+        file.write_text(dumped(rig))
+        client = AsyncParameterClient(rig.node, rig.target)
+        future = client.load_parameter_file(str(file), True)
+        results = rig.spin_until(lambda: future.done() and future.result(), 'an answer').results
+        names = list(parameter_dict_from_yaml_file(str(file), True))
+        assert len(results) == len(names) > 5
+        assert 'start_type_description_service' in names
+        refused = {name: result.reason for name, result in zip(names, results)
+                   if not result.successful}
+        assert refused == {}
+        assert not rig.set_parameters(start_type_description_service=False).successful
+    finally:
+        rig.close()
+        assert node.stop() == 0
+
+
+def test_the_bare_word_off_is_taken_though_ros_reads_it_as_false(make):
+    owner = make('-p', 'matching.third_view:=off', '-p', 'matching.row_alignment:=off')
+    owner.declare()
+    assert owner.parameters.settings.matching.row_alignment == 'off'
+    assert owner.set(matching__row_alignment='correct').successful
+    assert owner.set(matching__row_alignment=False).successful
+    assert owner.parameters.settings.matching.row_alignment == 'off'
+    assert owner.node.get_parameter('matching.row_alignment').value == 'off'
+    assert not owner.set(matching__row_alignment=True).successful
+    assert not owner.set(output__frame=False).successful

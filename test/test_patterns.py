@@ -9,8 +9,11 @@ from color_stereo_ros.core.patterns.making import check_pattern
 from color_stereo_ros.core.patterns.pattern import Pattern, Repeats
 from color_stereo_ros.core.patterns.pseudo_noise import repeated_neighborhoods
 from color_stereo_ros.core.patterns.registry import is_aperiodic, makable, PATTERNS, repeating
+from color_stereo_ros.core.patterns.seen import pattern_seen, steps
 import numpy as np
 import pytest
+from scenes import load
+from surface_pairs import exposed, photographed
 
 CONSTANT_SUM = ('sweep', 'lines', 'hue_field')
 
@@ -243,3 +246,47 @@ def test_a_check_refuses_at_once_what_cannot_be_made(settings, reason):
         check_pattern(asked)
     with pytest.raises(SettingsError):
         make_pattern(asked)
+
+
+# ---- what is seen of a pattern
+
+FIELDS = {'hue_field', 'wave_field', 'pseudo_noise'}
+
+
+def image_of(kind):
+    """Return a noisy image of a slanted board under a pattern."""
+    shift = np.add.outer(0.01 * np.arange(240), 20 + 0.02 * np.arange(320))
+    return exposed(photographed(-shift, kind=kind), np.random.default_rng(5))
+
+
+@pytest.mark.parametrize('kind', makable())
+def test_the_kind_of_pattern_is_seen_in_an_image(kind):
+    image = image_of(kind)
+    assert pattern_seen(image, PatternSettings(type=kind)).agrees
+    assert pattern_seen(image, PatternSettings(type='unknown')).agrees is None
+    other = 'sweep' if kind in FIELDS else 'hue_field'
+    seen = pattern_seen(image, PatternSettings(type=other))
+    assert seen.agrees is False
+    assert seen.sentence.startswith(f'{other} is set, but colors change along rows ')
+    assert kind in seen.sentence.partition('looks like')[2]
+
+
+@pytest.mark.parametrize('name', ['solids_hue1', 'prism_hue1'])
+def test_stripes_stay_stripes_on_objects(name):
+    found = steps(load(name).left)
+    assert found.along_columns < 0.3 * found.along_rows
+
+
+def test_gray_and_dark_images_show_no_pattern():
+    gray = np.full((240, 320, 3), 120, np.uint8)
+    assert pattern_seen(gray, PatternSettings()).agrees is False
+    assert pattern_seen(gray, PatternSettings(type='unknown')).agrees is None
+    dark = pattern_seen(gray // 20, PatternSettings())
+    assert dark.agrees is None and dark.sentence == 'too little light to see a pattern'
+    assert pattern_seen(gray[:2], PatternSettings()).agrees is None
+
+
+def test_colors_that_are_too_fine_say_nothing_of_the_pattern():
+    image = np.random.default_rng(3).integers(90, 150, (240, 320, 3), np.uint8)
+    seen = pattern_seen(image, PatternSettings())
+    assert seen.agrees is None and 'too fine' in seen.sentence

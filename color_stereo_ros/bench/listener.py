@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A process that listens to `points`: `python -m color_stereo_ros.bench.listener`.
+A process that listens: `python -m color_stereo_ros.bench.listener TOPIC`.
 
-Prints `stamp now` (both ns) for every cloud. It takes the bytes as they are: to decode 5 MB would
-take time from the node that is measured.
+Prints `stamp now` (both ns) for every message. It takes the bytes as they are: to decode 5 MB
+would take time from the node that is measured.
 
 """
 
@@ -18,16 +18,18 @@ def main():
     from rclpy.executors import ExternalShutdownException
     from rclpy.qos import QoSProfile
 
-    from sensor_msgs.msg import PointCloud2
+    from sensor_msgs.msg import Image, PointCloud2
 
     def take(data):
         # CDR: 4 bytes that tell the byte order, then header.stamp
         seconds, nanoseconds = struct.unpack_from('<iI', data, 4)
         print(seconds * 1_000_000_000 + nanoseconds, time.time_ns(), flush=True)
 
+    topic = sys.argv[1]
     rclpy.init()
     node = rclpy.create_node('bench_listener', enable_rosout=False)
-    node.create_subscription(PointCloud2, 'points', take, QoSProfile(depth=5), raw=True)
+    kind = PointCloud2 if topic == 'points' else Image
+    node.create_subscription(kind, topic, take, QoSProfile(depth=5), raw=True)
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

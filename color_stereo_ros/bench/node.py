@@ -2,7 +2,7 @@
 """
 range_node in a process of its own, fed through real DDS: `python -m color_stereo_ros.bench.node`.
 
-The sender, the node and the subscriber of `points` are three processes. Kernel cache and DDS
+The sender, the node and the subscriber of an output are three processes. Kernel cache and DDS
 profile depend on the environment, so each measurement starts a new sender, too. The argument is
 JSON; prints one line of JSON.
 
@@ -25,7 +25,12 @@ PATIENCE = 240.0  # s until the first cloud: kernels may have to be compiled
 FIRST_RATE = 20  # Hz at which pairs are sent until the first cloud comes
 
 
-def measured(folder, rates, seconds, environment=None):
+PARTS = {'executor': r'python.*', 'measuring and publishing': 'color_stereo',
+         'receiving': r'dds\.(udp|shm|tcp).*', 'sending': r'dds\.asyn.*', 'events': r'dds\.ev.*'}
+"""What threads of the node do, and the pattern of their names."""
+
+
+def measured(folder, rates, seconds, environment=None, topic='points'):
     """
     Return what `main` measures in a new process with a ROS domain of its own.
 
@@ -38,17 +43,20 @@ def measured(folder, rates, seconds, environment=None):
     seconds : float
         How long each lasts.
     environment : dict, optional
+    topic : str
+        Of the output that is listened to, `points` or `depth/image`.
 
     Returns
     -------
     found : dict
-        `ready` and `first` (s from process start until the node says so, and to the first
-        cloud), `peak_mb`, and `rates`: a list of dicts with `rate`, `sent`, `answered`,
-        `out_of_order`, `oldest_ms`, `cpu_ms` (processor time of the node per answer) and the
-        node's own `p50_ms`, `p99_ms`, `dropped`.
+        `topic`, `ready` and `first` (s from process start until the node says so, and to the first
+        answer), `peak_mb`, and `rates`: a list of dicts with `rate`, `sent`, `answered`,
+        `out_of_order`, `oldest_ms`, `cpu_ms` (processor time of the node per answer), `parts`
+        (that of its threads, of the sender and of the listener, ms per answer), `reference_ms`
+        (see `reference_time`) and the node's own `p50_ms`, `p99_ms`, `dropped`.
 
     """
-    order = {'folder': str(folder), 'rates': list(rates), 'seconds': seconds}
+    order = {'folder': str(folder), 'rates': list(rates), 'seconds': seconds, 'topic': topic}
     ran = subprocess.run(
         [sys.executable, '-m', 'color_stereo_ros.bench.node', json.dumps(order)],
         stdout=subprocess.PIPE, text=True,
@@ -76,7 +84,7 @@ class Bench:
     node : rclpy.node.Node
     processes : Processes
     order : dict
-        `folder`, `rates`, `seconds`; see `measured`.
+        `folder`, `rates`, `seconds`, `topic`; see `measured`.
 
     """
 
@@ -87,7 +95,7 @@ class Bench:
         self._diagnostics = {}
         node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
         self._start = None
-        self._pid = None
+        self._pid = self._listener = None
 
     def _take(self, message):
         self._diagnostics = {value.key: value.value for status in message.status
@@ -97,8 +105,9 @@ class Bench:
         """Return what `measured` returns."""
         import rclpy
         listener = 'color_stereo_ros.bench.listener'
-        self._processes.start('listener', listener)
-        while not self._node.count_subscribers('/points'):
+        topic = self._order['topic']
+        self._listener = self._processes.start('listener', listener, topic)
+        while not self._node.count_subscribers(f'/{topic}'):
             self._processes.check()
             rclpy.spin_once(self._node, timeout_sec=0.05)
         self._start = time.time_ns()
@@ -107,7 +116,7 @@ class Bench:
             '-p', 'output.diagnostics_period:=0.5')
         first = self._first()
         rates = [self._at(rate) for rate in self._order['rates']]
-        return {'ready': self._ready(), 'first': first, 'rates': rates,
+        return {'topic': topic, 'ready': self._ready(), 'first': first, 'rates': rates,
                 'peak_mb': peak_memory(self._pid)}
 
     def _ready(self):
@@ -118,18 +127,20 @@ class Bench:
 
     def _parameters(self):
         """Return the arguments that set the depth limits of the bench, for two views."""
-        from .scene import bench_settings
-        limits = bench_settings(self._cameras.calibration, 128).range
+        from .scene import bench_settings, VGA
+        calibration = self._cameras.calibration
+        disparities = 128 * calibration.geometry.width // VGA[0]
+        limits = bench_settings(calibration, disparities).range
         return ('-p', 'matching.third_view:=off', '-p', f'range.min_depth:={limits.min_depth}',
                 '-p', f'range.max_depth:={limits.max_depth}')
 
     def _first(self):
-        """Return s from the start of the process to the first cloud."""
+        """Return s from the start of the process to the first answer."""
         deadline = time.monotonic() + PATIENCE
         while not self._answers():
             if time.monotonic() > deadline:
-                raise LiveError(f'no points within {PATIENCE:.0f} s; range_node said:\n'
-                                f'{self._processes.log_tail("range_node")}')
+                raise LiveError(f'no {self._order["topic"]} within {PATIENCE:.0f} s; '
+                                f'range_node said:\n{self._processes.log_tail("range_node")}')
             self._processes.check()
             self._cameras.send()
             self._spin(1 / FIRST_RATE)
@@ -143,7 +154,7 @@ class Bench:
             rclpy.spin_once(self._node, timeout_sec=rest)
 
     def _answers(self):
-        """Return the (stamp, arrival) of all clouds so far, ns."""
+        """Return the (stamp, arrival) of all answers so far, ns."""
         lines = self._processes.log('listener').split('\n')
         return [tuple(map(int, line.split())) for line in lines[:-1]]
 
@@ -151,20 +162,33 @@ class Bench:
         """Send pairs at a rate; return its figures."""
         self._cameras.stream(rate, SETTLE)
         self._spin(SETTLE)
-        before, busy = dict(self._diagnostics), processor_time(self._pid)
+        reference = reference_time(self._order['folder'])
+        before, busy = dict(self._diagnostics), self._busy()
         sent = set(self._cameras.stream(rate, self._order['seconds']))
         self._spin(SETTLE)
-        after, busy = self._diagnostics, processor_time(self._pid) - busy
+        after, until = self._diagnostics, self._busy()
+        reference = min(reference, reference_time(self._order['folder']))
+        busy = {part: until[part] - busy[part] for part in until}
         answers = [answer for answer in self._answers() if answer[0] in sent]
         stamps = [stamp for stamp, _ in answers]
+        each = 1e3 / max(len(set(stamps)), 1)
         return {
             'rate': rate, 'sent': len(sent), 'answered': len(set(stamps)),
-            'cpu_ms': 1e3 * busy / max(len(set(stamps)), 1),
+            'cpu_ms': each * busy['node'],
+            'parts': {part: each * seconds for part, seconds in busy.items()},
+            'reference_ms': reference,
             'dropped': (int(after['pairs dropped for newer ones'])
                         - int(before['pairs dropped for newer ones'])),
             'out_of_order': sum(b <= a for a, b in zip(stamps, stamps[1:])),
             'oldest_ms': max((b - a for a, b in answers), default=float('nan')) / 1e6,
             'p50_ms': float(after['latency p50 (ms)']), 'p99_ms': float(after['latency p99 (ms)'])}
+
+
+    def _busy(self):
+        """Return the processor time of all parts so far, s."""
+        return {'node': processor_time(self._pid), **thread_times(self._pid),
+                'sender': processor_time(os.getpid()),
+                'listener': processor_time(self._listener)}
 
 
 class Cameras:
@@ -211,6 +235,44 @@ def processor_time(pid):
     """Return how long a process has used a core so far, s."""
     fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def thread_times(pid):
+    """Return how long the threads of a node have used a core so far, by PARTS and 'other', s."""
+    found = dict.fromkeys((*PARTS, 'other'), 0.0)
+    for task in Path(f'/proc/{pid}/task').iterdir():
+        try:
+            name, seconds = (task / 'comm').read_text().strip(), processor_time(
+                f'{pid}/task/{task.name}')
+        except OSError:  # it has ended
+            continue
+        part = next((part for part, pattern in PARTS.items() if re.fullmatch(pattern, name)),
+                    'other')
+        found[part] += seconds
+    return found
+
+
+def reference_time(folder, calls=5):
+    """
+    Return the processor time of StereoBM(128, 15) on the pair of the bench with one thread, ms.
+
+    Processors differ, and one that is shared is not equally fast at all times: other times are
+    to be compared with this one. The least of some calls.
+
+    """
+    import cv2
+    import numpy as np
+    gray = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in np.load(
+        Path(folder) / 'pair.npy')]
+    matcher, threads = cv2.StereoBM_create(128, 15), cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    times = []
+    for _ in range(calls):
+        start = time.process_time()
+        matcher.compute(*gray)
+        times.append(1e3 * (time.process_time() - start))
+    cv2.setNumThreads(threads)
+    return min(times)
 
 
 def peak_memory(pid):

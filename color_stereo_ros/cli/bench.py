@@ -8,6 +8,7 @@ SUMMARY = 'measure times beside OpenCV\'s matchers, and range_node through real 
 NEEDS = '[tools], [ros]'
 
 RATES = 30.0, 60.0  # Hz
+DOUBLE = 1280, 960
 STARTS = 5  # of range_node, of which the median counts
 PARTS = 'times', 'outputs', 'first', 'node'
 
@@ -118,7 +119,10 @@ def _node(args, folder):
     print('range_node through DDS', flush=True)
     node_measured(pair, [], 0.0)  # the kernels that only the node needs get warm
     found = {'starts': [node_measured(pair, [], 0.0) for _ in range(STARTS)],
-             'node': node_measured(pair, RATES, args.seconds)}
+             'node': node_measured(pair, RATES, args.seconds),
+             'node_depth': node_measured(pair, RATES, args.seconds, topic='depth/image'),
+             'node_double': node_measured(save_pair(Path(folder) / 'double', DOUBLE), RATES[:1],
+                                          args.seconds, topic='depth/image')}
     if args.profile.is_file():
         print(f'range_node with {args.profile}', flush=True)
         profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(args.profile.resolve())}

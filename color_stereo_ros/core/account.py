@@ -48,6 +48,18 @@ class AccountTuning(Constants):
         'other.',
         chosen('The smallest of docs/hardware.md. Simulated rig: 6.2 to 7.7 px; under a projector '
                'with 1.9 times as many columns 3.8 to 4.5 px.'))
+    white: float = constant(
+        200.0, 'DN', 'What the brightest channel of a white card shall read.',
+        chosen('Some room below 255 for gloss; docs/hardware.md says the same.'))
+    brightest: float = constant(
+        99.0, '%', 'Percentile of the lit pixels that counts as the brightest surface.',
+        chosen('As the automatic exposure of the simulated rig; gloss is brighter.'))
+    exposure_factor: float = constant(
+        1.4, '1', 'Change of the exposure from which it is worth advice.',
+        chosen('Half a stop, the step of many apertures.'))
+    clipped_share: float = constant(
+        0.03, '1', 'Share of overexposed lit pixels from which less exposure is advised.',
+        chosen('Above the 1 % that the percentile leaves out, and small highlights.'))
     feature_margin: float = constant(
         1.1, '1', 'Factor of this size up to which a doubt holds that was said already.',
         unexplained('Estimates of two pairs differ by less; a doubt is then said once.'))
@@ -130,6 +142,68 @@ def _alternates(image):
     return bool(near > TUNING.mosaic_ratio * max(far, 1.0))
 
 
+@dataclass(frozen=True)
+class Exposure:
+    """How bright a pair is."""
+
+    level: float
+    """Brightest channel of the brightest surfaces, DN, of the brighter view; 0: nothing is lit."""
+    clipped: float
+    """Share of the lit pixels that are overexposed, of the view that has more of them."""
+
+    @property
+    def factor(self):
+        """Return by how much the exposure should change; 1 where it is good or nothing is lit."""
+        if not self.level:
+            return 1.0
+        if self.clipped > TUNING.clipped_share:  # by how much, a full scale does not say
+            return 1 / TUNING.exposure_factor
+        factor = TUNING.white / self.level
+        good = 1 / TUNING.exposure_factor < factor < TUNING.exposure_factor
+        return 1.0 if good else factor
+
+    def sentence(self):
+        """Return advice for people."""
+        if not self.level:
+            return 'nothing is lit'
+        factor, white = self.factor, f'white card at {TUNING.white:.0f}'
+        if self.clipped > TUNING.clipped_share:
+            return (f'lower exposure by {1 / factor:.1f} and look again, {white}: '
+                    f'{self.clipped:.0%} of the lit pixels are overexposed')
+        if factor == 1.0:
+            return f'exposure is good: the brightest surfaces read {self.level:.0f} DN'
+        word, by = ('raise', factor) if factor > 1 else ('lower', 1 / factor)
+        return (f'{word} exposure by {by:.1f}, {white}: the brightest surfaces read '
+                f'{self.level:.0f} DN')
+
+
+def exposure_of(left, right, saturation):
+    """
+    Return how bright a pair is.
+
+    Parameters
+    ----------
+    left, right : numpy.ndarray, uint8, shape (H, W, 3)
+        Raw RGB images.
+    saturation : float
+        Value from which a channel is overexposed, DN.
+
+    Returns
+    -------
+    exposure : Exposure
+
+    """
+    found = []
+    for image in (left, right):
+        brightest = image.max(axis=2)
+        lit = brightest[brightest > TUNING.dark]
+        if lit.size:
+            found.append((float(np.percentile(lit, TUNING.brightest)),
+                          float(np.mean(lit >= saturation))))
+    levels, shares = zip(*found) if found else ((0.0,), (0.0,))
+    return Exposure(max(levels), max(shares))
+
+
 def doubt_about_rivals(result):
     """Return that an aperiodic pattern seems to repeat in the images; None where it does not."""
     if not result.rival_share:
@@ -193,6 +267,22 @@ def doubt_about_projector(track, shown):
 def doubts_about_rows(result):
     """Return that the rows of the two views disagree, or that the views have nothing in common."""
     return list(filter(None, [result.alignment and result.alignment.sentence()]))
+
+
+def rows_in_words(result):
+    """Return what is known of the rows of the two views, as a short text."""
+    alignment = result.alignment
+    if alignment is None:
+        return 'rows are not looked at'
+    told = alignment.sentence()
+    if told:
+        return told
+    if not alignment.known:
+        return 'rows are not known: the pattern does not show them'
+    error, place = alignment.largest()
+    if alignment.applied.any():
+        return f'rows differ by {abs(error):.2f} px ({place}), and are corrected'
+    return 'rows agree'
 
 
 def doubts_about_features(pattern, result, said=False):

@@ -5,17 +5,22 @@ import re
 import time
 
 from .account import (doubt_about_ranges, doubt_about_rivals, doubts_about_features,
-                      doubts_about_images, doubts_about_order, doubts_about_rows, status_shares,
-                      SUSPICIOUS)
+                      doubts_about_images, doubts_about_order, doubts_about_rows, exposure_of,
+                      status_shares, SUSPICIOUS)
+from .patterns.seen import pattern_seen
 
 _PERIOD = 0.5
 """s between two looks at the images."""
 _LONGEST = 5.0
 """s between two tries of the other order, while few pixels have a range and nothing changes."""
+_SIGHT = 2.0
+"""s between two looks at exposure and pattern, which take 10 ms and are no doubts."""
 _SHARE = 5
 """The other order takes at most one part of so many parts of the time, and one more."""
 _ROWS = 4
 """Every so many rows of the images are looked at."""
+_COLUMNS = 4
+"""The same of columns, where no neighbors are compared."""
 
 
 class Doubts:
@@ -36,8 +41,12 @@ class Doubts:
         self._clock = clock
         self._images, self._features, self._order, self._rivals = [], [], [], []
         self._kinds = set()
-        self._images_due = self._order_due = -float('inf')
+        self._images_due = self._sight_due = self._order_due = -float('inf')
         self._wait = _PERIOD
+        self.exposure = None
+        """The Exposure of the last pair that was looked at, or None."""
+        self.pattern = None
+        """What it shows of the pattern, a Seen, or None."""
 
     @property
     def current(self):
@@ -61,6 +70,12 @@ class Doubts:
             self._look_at_images(left[::_ROWS], right[::_ROWS])
             self._features = doubts_about_features(stereo.settings.pattern, result,
                                                    said=bool(self._features))
+        if self._clock() >= self._sight_due:
+            self._sight_due = self._clock() + _SIGHT
+            self.exposure = exposure_of(
+                left[::_ROWS, ::_COLUMNS], right[::_ROWS, ::_COLUMNS],
+                stereo.settings.color.saturation_level)
+            self.pattern = pattern_seen(result.image, stereo.settings.pattern)
         if result.density >= SUSPICIOUS:
             self._order, self._order_due, self._wait = [], -float('inf'), _PERIOD
         elif self._clock() >= self._order_due:
@@ -80,7 +95,9 @@ class Doubts:
 
     def _say(self, result):
         """Say what was not true of the pair before, its numbers left aside."""
-        few = doubt_about_ranges(status_shares(result.status))
+        few = None
+        if result.density < SUSPICIOUS:  # to count all codes takes a while
+            few = doubt_about_ranges(status_shares(result.status))
         doubts = {re.sub(r'[\d.]+', '', re.split('[;:?(]', doubt)[0]): doubt
                   for doubt in (*doubts_about_rows(result), *self.current,
                                 *filter(None, [few]))}

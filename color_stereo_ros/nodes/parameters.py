@@ -11,11 +11,34 @@ from rcl_interfaces.msg import (FloatingPointRange, IntegerRange, ParameterDescr
                                 SetParametersResult)
 from rclpy.parameter import Parameter
 
-from ..core.settings import described, flat, suggestion, updated
+from ..core.settings import checked_value, described, flat, suggestion, updated
 from ..errors import ColorStereoError
 from ..parameters.groups import RangeNodeSettings
 
 _INHERENT = ('use_sim_time', 'start_type_description_service')
+
+
+class Reloadable:
+    """
+    A node that takes a dump of its own parameters; before `rclpy.node.Node` among the bases.
+
+    rclpy refuses a read-only parameter even if nothing would change. `ros2 param load` of what
+    `ros2 param dump` has written would then complain of `qos_overrides` and others.
+
+    """
+
+    def set_parameters_atomically(self, parameter_list):
+        """Set parameters as one; those that are read-only and stay as they are do not count."""
+        changed = [each for each in parameter_list if not self._stays(each)]
+        if parameter_list and not changed:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changed)
+
+    def _stays(self, parameter):
+        """Return whether a parameter is read-only and has this value."""
+        name = parameter.name
+        return (self.has_parameter(name) and self.describe_parameter(name).read_only
+                and self.get_parameter(name).value == parameter.value)
 
 
 class NodeParameters:
@@ -71,11 +94,18 @@ class NodeParameters:
                     f'parameter {name!r} is unknown and ignored{suggestion(name, self._types)}')
 
     def _coerce(self, parameters):
-        """Take integers for doubles."""
-        return [Parameter(parameter.name, value=float(parameter.value))
-                if self._types.get(parameter.name) is float
-                and parameter.type_ == Parameter.Type.INTEGER else parameter
-                for parameter in parameters]
+        """Take integers for doubles, and false for the choice `off`."""
+        return [self._coerced(parameter) for parameter in parameters]
+
+    def _coerced(self, parameter):
+        kinds = self._types.get(parameter.name), parameter.type_
+        if kinds not in ((float, Parameter.Type.INTEGER), (str, Parameter.Type.BOOL)):
+            return parameter
+        try:
+            value = checked_value(self.settings, parameter.name, parameter.value)
+        except ColorStereoError:
+            return parameter  # refused with its reason
+        return Parameter(parameter.name, value=value)
 
     def _changed(self, parameters):
         return updated(self.settings, {parameter.name: parameter.value for parameter in parameters

@@ -25,7 +25,7 @@ from ..messages.projector import FRAME
 from ..messages.synchronizer import LatestSlot
 from ..parameters.groups import PatternNodeSettings
 from .filling import message_of
-from .parameters import NodeParameters
+from .parameters import NodeParameters, Reloadable
 
 _LARGE = 4_000_000  # px; making so many takes a noticeable time
 _PATIENCE = 0.2
@@ -66,7 +66,7 @@ def serialized(content):
     return b''.join([empty[:-4], count, content.data])
 
 
-class PatternNode(Node):
+class PatternNode(Reloadable, Node):
     """
     Publishes pattern/image and pattern/info, latched, and again when a parameter changes.
 

@@ -27,7 +27,7 @@ from ..parameters.groups import SimRigSettings
 from ..sim import load_scene, Renderer
 from ..sim.electronics import expose, exposures_for
 from .filling import message_of
-from .parameters import NodeParameters
+from .parameters import NodeParameters, Reloadable
 from .pattern_source import latched
 
 PATIENCE = 2.0  # s that the end of the node waits for the renderer
@@ -49,7 +49,7 @@ class _Film:
     views: list
 
 
-class SimRigNode(Node):
+class SimRigNode(Reloadable, Node):
     """Publishes left|right/image_raw and camera_info of a scene under pattern/image."""
 
     def __init__(self):

@@ -40,6 +40,9 @@ class Metadata(Mapping):
         return len(self._values)
 
 
+OFF = 'off'
+
+
 def setting(default, description, *, unit='', minimum=None, maximum=None, choices=None, off=None,
             method=None):
     """
@@ -91,6 +94,8 @@ def _checked(group, spec, value):
         value = float(value) if abs(value) < HUGE else math.inf if value > 0 else -math.inf
     if hasattr(value, 'item') and isinstance(value.item(), kind):
         value = value.item()  # a numpy scalar
+    if value is False and OFF in (spec.metadata['choices'] or ()):
+        value = OFF  # what YAML, and so ROS, makes of the bare word
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         hint = about_number(value) if kind in (int, float) else ''
         raise SettingsError(f'{name} = {brief(value)} is a {type(value).__name__}, '

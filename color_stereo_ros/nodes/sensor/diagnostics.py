@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What /diagnostics says: the state of the sensor in the order in which one would look."""
 
+import os
+from pathlib import Path
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -9,11 +11,14 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile
 
 from ...core.account import (
-    doubt_about_projector, doubt_about_ranges, doubts_about_rows, status_shares)
+    doubt_about_projector, doubt_about_ranges, doubt_about_rivals, doubts_about_rows,
+    rows_in_words, status_shares)
+from ...core.patterns.seen import Seen
 from ...errors import bounded
 from ...messages.synchronizer import SIDES
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+MEASURING = 'measuring'
 
 
 class Diagnostics:
@@ -52,18 +57,49 @@ class Diagnostics:
 
 
 def _diagnostic_array(sensor, name, stamp):
-    """Return the DiagnosticArray: four states, inputs, calibration, pattern, range images."""
-    parts = {'inputs': _inputs, 'calibration': _calibration, 'pattern': _pattern,
-             'range images': _range_images}
+    """Return the DiagnosticArray: a summary, inputs, calibration, pattern, range images."""
+    judges = {'inputs': _inputs, 'calibration': _calibration, 'pattern': _pattern,
+              'range images': _range_images}
+    parts = {part: judge(sensor) for part, judge in judges.items()}
+    parts = {'summary': _summary(sensor, parts), **parts}
     message = DiagnosticArray()
     message.header.stamp = stamp
-    for part, judge in parts.items():
-        level, text, values = judge(sensor)
+    for part, (level, text, values) in parts.items():
         message.status.append(DiagnosticStatus(
             level=level, name=f'{name.lstrip("/")}: {part}', message=bounded(text),
             hardware_id=name,
             values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()]))
     return message
+
+
+def _summary(sensor, parts):
+    """Say in one line how the sensor is, and what should be looked after first."""
+    account, doubts = sensor.worker.account, sensor.worker.doubts
+    values = {}
+    if account.result is not None:
+        values['rows'] = rows_in_words(account.result)
+    seen = _seen(sensor)  # the last of all that a look at a pair finds out
+    if seen is not None:
+        values |= {'exposure': doubts.exposure.sentence(), 'pattern': seen.sentence}
+    level = max(level for level, _, _ in parts.values())
+    troubles = [f'{part}: {text}' for part, (its, text, _) in parts.items() if its != OK]
+    if troubles:
+        return level, '; '.join(troubles), values
+    text, more = parts['range images'][1:]
+    if text != MEASURING or account.result is None:
+        return level, text, values
+    told = [f'{text}: {more["rate (Hz)"]:.1f} Hz, {more["share valid"]:.0%} of the pixels, '
+            f'{more["latency p50 (ms)"] or 0:.0f} ms']
+    return level, '; '.join([*told, *values.values()]), values
+
+
+def _seen(sensor):
+    """Return what the last pair that was looked at shows of the pattern that is set, or None."""
+    seen, result = sensor.worker.doubts.pattern, sensor.worker.account.result
+    if seen is None or seen.kind != sensor.settings.pattern.type:
+        return None
+    rivals = None if result is None else doubt_about_rivals(result)
+    return Seen(rivals, False, seen.kind) if rivals else seen
 
 
 def _text(value):
@@ -179,9 +215,13 @@ def _pattern(sensor):
     result = sensor.worker.account.result
     track = None if result is None else result.projector
     doubt = None
+    seen = _seen(sensor)
+    if seen is not None:
+        values['seen'] = seen.sentence
+        doubt = None if seen.agrees is not False else seen.sentence
     if track is not None:
         values |= _projector(track)
-        doubt = doubt_about_projector(track, shown=watch.known and not watch.mismatch)
+        doubt = doubt or doubt_about_projector(track, shown=watch.known and not watch.mismatch)
     if watch.mismatch:
         return WARN, watch.mismatch, values
     if doubt:
@@ -210,6 +250,7 @@ def _range_images(sensor):
               'failed': account.failed, 'without calibration': account.uncalibrated,
               'latency p50 (ms)': _scaled(account.latency(50)),
               'latency p99 (ms)': _scaled(account.latency(99)),
+              'memory of the node (MB)': _memory(),
               'subscribed': ', '.join(sensor.outputs.wanted()) or 'nothing',
               'skipped for want of a subscriber': sensor.skipped,
               'calls of ~/capture that wait': sensor.capture.waiting}
@@ -218,6 +259,15 @@ def _range_images(sensor):
         shares = status_shares(account.result.status)
         values |= {f'share {name}': share for name, share in shares.items()}
     return (*_judge_results(sensor, worker, account, shares), values)
+
+
+def _memory():
+    """Return the resident memory of this process, MB; None where the system does not tell."""
+    try:
+        pages = int(Path('/proc/self/statm').read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return None
+    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
 
 
 def _scaled(seconds):
@@ -245,4 +295,4 @@ def _judge_results(sensor, worker, account, shares):
     doubts = [*filter(None, [alone]), *sensor.worker.doubts.current, *filter(None, [few])]
     if doubts:
         return WARN, '; '.join(doubts)
-    return OK, 'measuring' if account.measured else 'waiting for the first pair'
+    return OK, MEASURING if account.measured else 'waiting for the first pair'

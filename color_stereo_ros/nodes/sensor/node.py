@@ -5,14 +5,14 @@ from rclpy.lifecycle import Node as ManagedNode, TransitionCallbackReturn
 from rclpy.node import Node
 
 from ...parameters.groups import RangeNodeSettings
-from ..parameters import NodeParameters
+from ..parameters import NodeParameters, Reloadable
 from .range_sensor import RangeSensor
 from .save import SaveFolder
 
 NAME = 'range_node'
 
 
-class RangeNode(Node):
+class RangeNode(Reloadable, Node):
     """Measures from its first moment to its last."""
 
     def __init__(self):
@@ -30,7 +30,7 @@ class RangeNode(Node):
         super().destroy_node()
 
 
-class LifecycleRangeNode(ManagedNode):
+class LifecycleRangeNode(Reloadable, ManagedNode):
     """Measures while it is active; topics and services exist from configure to cleanup."""
 
     def __init__(self):

@@ -7,6 +7,7 @@ from pathlib import Path
 from ...errors import brief, ColorStereoError, RecordingError, SettingsError
 from ...files.cloud import save_cloud
 from ...messages.reading import stamp_ns
+from ...messages.trimming import trimmed
 
 
 _SUFFIXES = '.ply', '.pcd'
@@ -123,10 +124,11 @@ class Save:
             raise RecordingError(outcome.failure)
         context = outcome.context
         path = self._free_name(folder, stamp_ns(context.header), settings.output.save_format)
-        points = outcome.result.points()
+        shown = trimmed(outcome.result, context)
+        points = shown.points()
         if settings.output.frame == 'camera':
             points = points @ context.rotation.T.astype(points.dtype)
-        count = save_cloud(path, points, outcome.result.image)
+        count = save_cloud(path, points, shown.image)
         return f'{path}: {count} points'
 
     def _room(self, settings):

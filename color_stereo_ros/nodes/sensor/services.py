@@ -54,14 +54,16 @@ class Reply:
 
 class ServiceThread:
     """
-    Takes calls in a thread and a (hidden) node of its own; none waits for another.
+    Takes calls in a thread of its own; none waits for another.
 
     The executor of the node takes images; it must not wait for a middleware that sends answers.
+    The thread has an executor and a (hidden) node for it. The services belong to the visible node,
+    so that `ros2 node info` shows them.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        The node by whose name the services go.
+        The node that the services belong to.
 
     """
 
@@ -90,9 +92,12 @@ class ServiceThread:
             Called with a Reply for each call of the std_srvs/Trigger; must not wait.
 
         """
-        service = self._helper.create_service(
-            Trigger, self._node.resolve_service_name(name), lambda _, response: response,
-            qos_profile=QoSProfile(depth=LIMIT))
+        service = self._node.create_service(
+            Trigger, name, lambda _, response: response, qos_profile=QoSProfile(depth=LIMIT),
+            callback_group=self._helper.default_callback_group)
+        # rclpy gives a service to the executor of its node, and has no call to change that
+        self._node._services.remove(service)
+        self._helper._services.append(service)
         send = service.send_response
         # rclpy hands the header of a request to `send_response` only
         service.send_response = lambda _, header: self._take_all(service, send, callback, header)

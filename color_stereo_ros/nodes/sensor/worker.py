@@ -19,6 +19,7 @@ from ...messages.reading import image_to_rgb
 from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
 from ..complaints import Complaints
+from ..environment import name_thread
 from .projector_search import ProjectorSearch
 from .row_search import RowSearch
 
@@ -30,6 +31,8 @@ _EVERY = 4  # rows and columns that are looked at
 
 COMPILING = 'no compiled kernels are found: they are compiled now'
 READY = 'ready after'
+THREAD = 'color_stereo'
+"""Name of the thread that measures and publishes, and of those of its kernels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +114,7 @@ class Worker:
         self._built = None  # (key, ColorStereo)
         self._helper = None  # a process that compiles
         self._slot = LatestSlot()
-        self._thread = threading.Thread(target=self._run, name='color_stereo', daemon=True)
+        self._thread = threading.Thread(target=self._run, name=THREAD, daemon=True)
         self.account = Account()
         self.unmeasured = None
         """The pair whose turn came while there was no usable calibration, or None."""
@@ -154,6 +157,7 @@ class Worker:
         self._slot.put(pair)
 
     def _run(self):
+        name_thread(THREAD)
         self._warm_up()
         while not self._slot.closed:
             pair = self._slot.take()
