@@ -268,7 +268,7 @@ class View:
         height, width = (max(1, count // cell) for count in image.shape[:2])
         if cell > 1:
             pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
-        step = min(tuning.sample_step // cell, max(1, min(height, width) // tuning.sample_rows))
+        step = max(1, min(tuning.sample_step // cell, min(height, width) // tuning.sample_rows))
         dark, mean = np.empty((2, 3), F4)
         channel_levels(pixels, step, F4(color.dark_level), tuning.largest_dark_level, dark,
                        mean)
