@@ -434,17 +434,24 @@ class SurfaceMethod:
             return seeds
         if self.expectation.aperiodic:
             coarse = self.coarse.search(views)
-            share, repetition = self.coarse.rival_share(), self.tuning.repetition
-            if share < repetition.noticed_share or (
-                    share < repetition.certain_share and colors_show(views, self.tuning)):
-                return coarse
-            self.rival_share = share
-            if self.blur_explains_rivals(views):
-                self.rival_share = 0.0
+            if not self.repeats(views):
+                if views.compressed:  # luma keeps the detail that chroma has lost
+                    brightness.load(views)
                 return coarse
             views.common_blur = 0.0  # what repeats need not have the sharp edges of the pattern
         brightness.load(views)
         return self.detailed_seeds(views)
+
+    def repeats(self, views):
+        """Return whether the pair repeats itself where its pattern must not; sets rival_share."""
+        share, repetition = self.coarse.rival_share(), self.tuning.repetition
+        if share < repetition.noticed_share or (
+                share < repetition.certain_share and colors_show(views, self.tuning)):
+            return False
+        self.rival_share = share
+        if self.blur_explains_rivals(views):
+            self.rival_share = 0.0
+        return self.rival_share > 0
 
     def detailed_seeds(self, views):
         """
