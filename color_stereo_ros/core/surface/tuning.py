@@ -203,8 +203,10 @@ class ViewTuning(Constants):
     least_blocks: int = constant(
         12, '1', 'Blocks below which nothing is said.', chosen('A scatter needs some.'))
     sure_blocks: float = constant(
-        4.0, '1', 'Standard errors of the balance from which cameras differ.',
-        chosen('Both images show mostly the same: their difference scatters less than that.'))
+        1.0, '1', 'Difference of the balances, as a factor of their spread, from which cameras '
+        'differ.', chosen('The two cameras may see different parts of slow colors. Four standard '
+                          'errors of a mean, .4 of the spread, took that for gains: sealed pairs '
+                          'under one sine were off by 4 px.'))
     block_difference: float = constant(
         0.08, '1', 'Smallest difference of the log balance for gains of their own.',
         chosen('Other contents explain .04. Smaller ones are found from matches.'))

@@ -192,6 +192,10 @@ class Views:
                                                (self.right, levels[1], levels[0])):
             if not view.sees_black and (dark - other).max() > self.tuning.dark_difference:
                 brighten(dark, mean, np.minimum(dark, other))
+        least = np.minimum(levels[0][0], levels[1][0])
+        for dark, mean in levels:
+            if (dark - least).max() <= self.tuning.dark_difference:
+                brighten(dark, mean, least)
 
 
 def brighten(dark, mean, level):
