@@ -848,17 +848,30 @@ class BrightnessTuning(Constants):
         1, 'px', 'Largest difference of the matches left to right and right to left.',
         unexplained('As in the evaluation of OpenCV\'s matchers.'))
     many_disparities: int = constant(
-        96, 'px', 'Number of disparities above which a small pair tells which of them occur.',
-        unexplained('That search takes as long as 16 disparities of the large one.'))
+        48, 'px', 'Number of disparities above which a small pair tells which of them occur.',
+        chosen('That search takes as long as 10 disparities of the large one; a step is 16.'))
     disparity_step: int = constant(
         16, 'px', 'The number of disparities is a multiple of it.',
         derived("OpenCV's matchers take no other ones."))
     shrinking: int = constant(
         4, 'px', 'Width and height of the pixels of the small pair.',
         unexplained('A search of the small pair takes a 32nd of the time of the large one.'))
+    alike_window: int = constant(
+        7, 'px', 'Width and height of the windows of the small pair that must be alike.',
+        unexplained('Chance rarely makes 49 px alike, and most surfaces are larger.'))
+    least_alike: float = constant(
+        0.85, '1', 'Normalized cross-correlation of such windows from which a match counts.',
+        chosen('Twenty pairs of casting and effector_bin: median of the right matches .92 to .98, '
+               'of others -.1 to .4. .7: six pairs of casting keep twice the true disparities.'))
     least_surface: int = constant(
-        12, 'px', 'Size of a surface in the small pair up to which it does not count.',
-        unexplained('Chance makes smaller ones; 14 x 14 px of the image.'))
+        20, 'px', 'Size of a surface in the small pair up to which it does not count.',
+        chosen('Chance makes smaller ones; 18 x 18 px of the image. 30: the same disparities in '
+               'eighteen of those pairs.'))
+    beyond_share: float = constant(
+        0.002, '1', 'Share of the matches of the small pair that may lie beyond the disparities '
+        'on either side.',
+        chosen('All true disparities of those pairs lie within the margin. 0: three pairs of '
+               'casting keep up to 177 disparities instead of 80.'))
     disparity_margin: int = constant(
         12, 'px', 'Disparities that are searched beyond those of the small pair.',
         derived('Three columns of the small pair.'))
