@@ -90,7 +90,7 @@ class SurfaceMethod:
         self.views = Views(calibration, grid, settings, tuning, rectified_input, arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
-        self.texture = TextureSearch(grid, limits, tuning)
+        self.texture = TextureSearch(grid, limits, tuning, arena)
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.expectation = Expectation.of(settings.pattern)
         self.in_force = tuning
