@@ -466,12 +466,14 @@ class SurfaceMethod:
             self.suit(self.detailed)
         elif slow:
             views.average()
-        coarse = self.coarse.seeds if self.expectation.aperiodic else self.coarse.search(views)
         if not detailed:
             brightness.rest()
-            return coarse
+            return (self.coarse.seeds if self.expectation.aperiodic
+                    else self.coarse.search(views))
         found = self.texture.search(views, False)
         brightness.rely_on(found, views.grid)
+        if self.expectation.repeats:
+            self.coarse.search(views)
         if self.expectation.aperiodic or self.expectation.repeats:
             clear, odds = self.coarse.period_odds(found)
             return replace(found, clear_share=clear, period_odds=odds)

@@ -88,7 +88,7 @@ class TextureSearch:
         rows, nodes, channels = images[0].shape
         right = images[1]
         beside = max(0, first + count) + 1, max(0, -first) + 1  # left and right of the image
-        mirrored = cv2.copyMakeBorder(right[:, ::-1], 0, 0, beside[1], beside[0],
+        mirrored = cv2.copyMakeBorder(cv2.flip(right, 1), 0, 0, beside[1], beside[0],
                                       cv2.BORDER_REPLICATE)
         cap = self.tuning.gradient_cap
         left = carriers_of(images[0], F4(0.5), cap)
