@@ -146,7 +146,7 @@ class TextureSearch:
 
 def carriers_of(image, scale, cap):
     """
-    Return the gradients along the rows and half of the colors, int16 (2 C, h, w).
+    Return the gradients along the rows and a quarter of the colors, int16 (2 C, h, w).
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def carriers_of(image, scale, cap):
     for channel, plane in enumerate(cv2.split(image)):
         gradient = cv2.Sobel(plane, cv2.CV_16S, 1, 0, scale=float(scale))
         np.clip(gradient, -cap, cap, out=out[2 * channel])
-        np.right_shift(plane, 1, out=out[2 * channel + 1], casting='unsafe')
+        np.right_shift(plane, 2, out=out[2 * channel + 1], casting='unsafe')
     return out
 
 

@@ -837,13 +837,13 @@ class BrightnessTuning(Constants):
     penalties: tuple = constant(
         (8, 24), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
         'larger step.',
-        chosen('Twenty pairs of casting and effector_bin whose brightness counts: .901 of the seeds '
-               'right within 1 px. (12, 32): .895, (12, 64): .884, (5, 16): .889.'))
+        chosen('Twenty pairs of casting and effector_bin whose brightness counts: .893 of the seeds '
+               'right within 1 px, as with (8, 32) and (12, 32). (12, 64): .884, (5, 16): .889.'))
     gradient_cap: int = constant(
-        22, 'DN', 'Largest gradient that counts.',
-        chosen('12: .001 fewer right seeds, 26: the same. `penalties` have the pairs.'))
+        31, 'DN', 'Largest gradient that counts.',
+        unexplained('Lies between the defaults of the two matchers of OpenCV.'))
     difference_cap: int = constant(
-        24, 'DN', 'Largest difference of a gradient or of half a color that counts.',
+        24, 'DN', 'Largest difference of a gradient or of a quarter of a color that counts.',
         chosen('Without it .002 fewer right seeds, 12: .001 fewer.'), compiled=True)
     agreement: int = constant(
         1, 'px', 'Largest difference of the matches left to right and right to left.',
