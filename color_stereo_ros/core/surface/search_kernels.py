@@ -17,7 +17,7 @@ from .tuning import TUNING
 I2 = np.int16
 LARGEST = I2(32767)
 WINDOW = 12  # sum of the weights of a window: three rows of three nodes
-FREE = 1 << 30  # a column of the right view that no node has chosen
+FREE = np.iinfo(np.int32).max  # a column of the right view that no node has chosen
 GUARD_COST = I2(TUNING.coarse.guard_cost)
 # Constants of `tuning`, compiled into the kernels.
 DIFFERENCE_CAP = I2(TUNING.brightness.difference_cap)
