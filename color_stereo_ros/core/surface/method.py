@@ -51,6 +51,7 @@ from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .quality import Quality
 from .rows import RowTracker
+from .shared import SharedErrors
 from .steps import Steps
 from .texture import colors_of, colors_show, detail, TextureSearch
 from .third.following import Follower
@@ -103,6 +104,7 @@ class SurfaceMethod:
         self.quality = Quality(grid, tuning.quality, arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
         self.steps = Steps(grid, tuning)
+        self.shared = SharedErrors(grid, tuning.shared)
         self.rows = RowTracker(grid, tuning, arena)
         choice = settings.matching.row_alignment
         self.aligner = None if choice == 'off' else Aligner(
@@ -187,7 +189,7 @@ class SurfaceMethod:
             self.steps.doubt(planes, verdict, self.quality)
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
-        self.make_std_true(verdict, planes, alignment)
+        self.make_std_true(verdict, planes, pair, alignment)
         same = identical(*raw)
         if same:  # at disparity 0 there is nothing to measure
             np.minimum(verdict.log_odds, F4(0), out=verdict.log_odds)
@@ -206,6 +208,17 @@ class SurfaceMethod:
     def planar(self):
         """Return whether the disparities of a node lie on a plane fitted to the images."""
         return self.settings.matching.refinements > 0 and self.settings.matching.slanted
+
+    @property
+    def may_be_slow(self):
+        """
+        Return whether colors may change slowly although the pattern is not named a slow one.
+
+        Under slow patterns that are named, colors are averaged, and variances are fitted to that.
+
+        """
+        return not (self.expectation.aperiodic or self.gray
+                    or self.tuning.views.averaging_radius)
 
     @property
     def may_use_projector(self):
@@ -324,7 +337,7 @@ class SurfaceMethod:
             return None
         return self.quality.uneven()
 
-    def make_std_true(self, verdict, planes, alignment):
+    def make_std_true(self, verdict, planes, pair, alignment):
         """
         Scale standard deviations by how well planes fit and by what is unknown of the rows.
 
@@ -335,6 +348,7 @@ class SurfaceMethod:
         ----------
         verdict : Verdict
         planes : PlaneField
+        pair : PairModel
         alignment : Alignment or None
 
         """
@@ -344,7 +358,11 @@ class SurfaceMethod:
             self.quality.correct_variance(planes)
         if alignment is not None:
             self.rows.widen(planes, alignment)
+        weight = self.least_squares.linearized.weight if self.brightness.active else None
+        slow = self.may_be_slow and self.shared.widen(self.views, planes, pair, weight)
         self.trust.rescale(verdict, assumed, planes.variance)
+        if slow:
+            self.shared.cap(verdict)
 
     def match_aligned(self, left, right, looks, alignment, search, clock):
         """

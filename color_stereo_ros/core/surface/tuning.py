@@ -804,6 +804,46 @@ class StepTuning(Constants):
 
 
 @dataclass(frozen=True)
+class SharedTuning(Constants):
+    """Errors of colors that a whole window shares, under colors that change slowly."""
+
+    near_span: int = constant(
+        1, 'nodes', 'Half of the short way over which colors are compared.',
+        derived('The shortest one.'))
+    wide_span: int = constant(
+        4, 'nodes', 'Half of the long way.',
+        derived('16 px: a period of the usual patterns, over which their colors come back.'))
+    steady: float = constant(
+        0.8, '1', 'Slope over the long way, as a share of that over the short one, from which '
+        'colors change slowly.',
+        chosen('One sine and one sweep on four scenes: .6 to 1; hue_field: .2 to .3.'))
+    least_nodes: int = constant(
+        100, 'nodes', 'Lit nodes below which nothing is said.', chosen('A median needs some.'))
+    least_slope: float = constant(
+        1e-4, '1/px', 'Smallest slope that is divided by.',
+        derived('An error of one DN in a hundred then moves 100 px.'))
+    least_share: float = constant(
+        0.05, '1', 'Smallest known share of a window that is divided by.',
+        derived('Four of its nodes.'))
+    window: int = constant(
+        9, 'nodes', 'Width and height of the window whose errors are averaged.',
+        derived('That of the least squares.'))
+    surroundings: int = constant(
+        31, 'nodes', 'Width and height of the surroundings that share one variance.',
+        chosen('A tenth of the image: an error of one sign is one sample.'))
+    gain: float = constant(
+        1.4, '1', 'Variance of the errors along the slope, per fourth power of the mean root of '
+        'those across.',
+        chosen('2.2 holds for normal errors without a direction. Those along one sine and one '
+               'sweep are .5 to 1.2 times as large as those across, three scenes.'))
+    capped_odds: tuple = constant(
+        ((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0), (7.06, 4.37, 3.04, 2.25, 1.71, 1.32, 0.77)), '1',
+        'Standard deviations, px, and the log-odds that a normal error stays within 1 px.',
+        derived('ln(p / (1 - p)) of p = erf(1 / (sqrt(2) std)). Larger deviations take no more: '
+                'a range within 1 px is worth giving, with its deviation.'))
+
+
+@dataclass(frozen=True)
 class BrightnessTuning(Constants):
     """Brightness against its surroundings as a third carrier, and the search that it needs."""
 
@@ -1198,6 +1238,7 @@ class Tuning(Constants):
     bends: BendTuning = BendTuning()
     quality: QualityTuning = QualityTuning()
     steps: StepTuning = StepTuning()
+    shared: SharedTuning = SharedTuning()
     brightness: BrightnessTuning = BrightnessTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()
