@@ -164,10 +164,19 @@ class CoarseSearch:
         return clear, (alone + self.anchored(theirs) * (known - alone)).astype(F4)
 
     def anchored(self, disparity):
-        """Return how far depth edges around tell the period of a disparity, float32 0 .. 1."""
+        """
+        Return how far depth edges around tell the period of a disparity, float32 0 .. 1.
+
+        Both sides of an edge must lie in the right view: a search invents edges at its border.
+
+        """
         jumps = np.zeros(disparity.shape, F4)
-        jumps[:, 1:] = np.abs(disparity[:, 1:] - disparity[:, :-1]) > F4(
-            2 * self.factor * self.repetition.agreement)
+        columns = F4(2 * self.factor) * np.arange(disparity.shape[1], dtype=F4)
+        place = columns - disparity
+        seen = (place >= 0) & (place < F4(2 * self.factor * disparity.shape[1]))
+        step = np.abs(disparity[:, 1:] - disparity[:, :-1])
+        jumps[:, 1:] = (step > F4(2 * self.factor * self.repetition.agreement)) & (
+            seen[:, 1:] & seen[:, :-1])
         around = 2 * (self.repetition.anchor_surroundings,)
         share = cv2.blur(jumps, around) / F4(self.repetition.anchor_share)
         return np.minimum(share, F4(1))

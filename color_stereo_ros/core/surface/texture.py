@@ -72,7 +72,10 @@ class TextureSearch:
         first, count = self.first, self.count
         if count > self.tuning.many_disparities:
             first, count = self.narrowed(images)
-        return Seeds(self.searched(images, first, count) * F4(0.5), 1, None, 0.0)
+        found = self.searched(images, first, count)
+        place = F4(2) * np.arange(found.shape[1], dtype=F4) - found
+        found[(place < 0) | (place > images[1].shape[1] - 1)] = np.nan  # the border, repeated
+        return Seeds(found * F4(0.5), 1, None, 0.0)
 
     def searched(self, images, first, count):
         """
