@@ -139,6 +139,11 @@ def test_the_smallest_loss_that_suffices_in_every_case_is_taken():
     assert steps.LOSSES[steps.smallest([falling + most])] == steps.LOSSES[-1]
 
 
+def test_scenes_without_steps_do_not_hide_the_harder_half():
+    wrong = np.array([[0.00, 0.0], [0.03, 0.02], [0.00, 0.00], [0.01, 0.00]])
+    np.testing.assert_allclose(steps.harder_half(wrong), (0.02, 0.01))
+
+
 def test_the_temper_fit_recovers_planted_weights():
     rng = np.random.default_rng(7)
     planted, samples = np.array([-0.3, 0.5, -1.0]), []

@@ -298,6 +298,14 @@ def test_compression_is_seen_and_costs_few_ranges(usual, quality):
     assert share_right(usual.process(*images)) > 0.95
 
 
+def test_brightness_counts_where_compression_has_taken_chroma(usual):
+    images = pair()
+    usual.process(*images)
+    assert not usual._method.brightness.active
+    usual.process(*(compressed(image, 60) for image in images))
+    assert usual._method.brightness.active
+
+
 @pytest.mark.parametrize('quality', [85, 60])
 @pytest.mark.parametrize('side', [0, 1])
 def test_compression_of_one_view_costs_no_more_than_that_of_both(usual, side, quality):

@@ -91,7 +91,7 @@ class CoarseSearch:
         self.path_scratch = arena.empty(
             (2, 2 * depth + 3, max(each.cost.shape[2] for each in (self.upright, self.turned))),
             np.int16)
-        self.disparity, self.clear = arena.empty((2, h, w), F4)
+        self.disparity, self.clear = arena.zeros((2, h, w), F4)
         self.clear_share = np.ones((h, w), F4) if self.least_gap > 0 else None
         self.seeds = Seeds(self.disparity, self.factor, self.clear_share, -0.5)
         self.best = arena.empty((BANDS, 2, w), np.int32)
@@ -143,9 +143,11 @@ class CoarseSearch:
 
         """
         tuning = self.repetition
-        gap = self.least_gap or round(tuning.noticed_gap * self.tuning.large_step)
-        winners(self.upright.total, self.first, gap, self.disparity, self.clear, self.best)
-        clear = cv2.blur(self.clear, self.region)
+        clear = self.clear_share
+        if clear is None:
+            gap = round(tuning.noticed_gap * self.tuning.large_step)
+            winners(self.upright.total, self.first, gap, self.disparity, self.clear, self.best)
+            clear = cv2.blur(self.clear, self.region)
         h, w = self.disparity.shape
         ours = (F4(2 * self.factor) * self.disparity - F4(0.5))
         theirs = F4(2) * found.disparity[self.factor // 2::self.factor,
@@ -162,10 +164,19 @@ class CoarseSearch:
         return clear, (alone + self.anchored(theirs) * (known - alone)).astype(F4)
 
     def anchored(self, disparity):
-        """Return how far depth edges around tell the period of a disparity, float32 0 .. 1."""
+        """
+        Return how far depth edges around tell the period of a disparity, float32 0 .. 1.
+
+        Both sides of an edge must lie in the right view: a search invents edges at its border.
+
+        """
         jumps = np.zeros(disparity.shape, F4)
-        jumps[:, 1:] = np.abs(disparity[:, 1:] - disparity[:, :-1]) > F4(
-            2 * self.factor * self.repetition.agreement)
+        columns = F4(2 * self.factor) * np.arange(disparity.shape[1], dtype=F4)
+        place = columns - disparity
+        seen = (place >= 0) & (place < F4(2 * self.factor * disparity.shape[1]))
+        step = np.abs(disparity[:, 1:] - disparity[:, :-1])
+        jumps[:, 1:] = (step > F4(2 * self.factor * self.repetition.agreement)) & (
+            seen[:, 1:] & seen[:, :-1])
         around = 2 * (self.repetition.anchor_surroundings,)
         share = cv2.blur(jumps, around) / F4(self.repetition.anchor_share)
         return np.minimum(share, F4(1))

@@ -61,7 +61,7 @@ def blocks_differ(levels, tuning, images):
     columns, rows = tuning.balance_blocks
     if not columns:
         return False
-    means, errors = [], []
+    means, spreads = [], []
     for (dark, _), image in zip(levels, images):
         blocks = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
         light = np.maximum(blocks.reshape(-1, 3) - dark, 0)
@@ -71,9 +71,9 @@ def blocks_differ(levels, tuning, images):
         balance = np.log(light + tuning.channel_offset)
         balance -= balance.mean(axis=1, keepdims=True)
         means.append(np.median(balance, axis=0))
-        errors.append(balance.var(axis=0) / len(balance))
+        spreads.append(balance.std(axis=0))
     difference = means[0] - means[1]
-    sure = np.abs(difference) > tuning.sure_blocks * np.sqrt(errors[0] + errors[1])
+    sure = np.abs(difference) > tuning.sure_blocks * np.maximum(*spreads)
     return np.ptp(difference) > tuning.block_difference and bool(sure.any())
 
 

@@ -51,6 +51,7 @@ from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .quality import Quality
 from .rows import RowTracker
+from .shared import SharedErrors
 from .steps import Steps
 from .texture import colors_of, colors_show, detail, TextureSearch
 from .third.following import Follower
@@ -90,7 +91,7 @@ class SurfaceMethod:
         self.views = Views(calibration, grid, settings, tuning, rectified_input, arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
-        self.texture = TextureSearch(grid, limits, tuning)
+        self.texture = TextureSearch(grid, limits, tuning, arena)
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.expectation = Expectation.of(settings.pattern)
         self.in_force = tuning
@@ -103,6 +104,7 @@ class SurfaceMethod:
         self.quality = Quality(grid, tuning.quality, arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
         self.steps = Steps(grid, tuning)
+        self.shared = SharedErrors(grid, tuning.shared)
         self.rows = RowTracker(grid, tuning, arena)
         choice = settings.matching.row_alignment
         self.aligner = None if choice == 'off' else Aligner(
@@ -187,7 +189,7 @@ class SurfaceMethod:
             self.steps.doubt(planes, verdict, self.quality)
         if self.aligner is not None:
             verdict.log_odds[:] -= F4(doubt(alignment))
-        self.make_std_true(verdict, planes, alignment)
+        self.make_std_true(verdict, planes, pair, alignment)
         same = identical(*raw)
         if same:  # at disparity 0 there is nothing to measure
             np.minimum(verdict.log_odds, F4(0), out=verdict.log_odds)
@@ -206,6 +208,17 @@ class SurfaceMethod:
     def planar(self):
         """Return whether the disparities of a node lie on a plane fitted to the images."""
         return self.settings.matching.refinements > 0 and self.settings.matching.slanted
+
+    @property
+    def may_be_slow(self):
+        """
+        Return whether colors may change slowly although the pattern is not named a slow one.
+
+        Under slow patterns that are named, colors are averaged, and variances are fitted to that.
+
+        """
+        return not (self.expectation.aperiodic or self.gray
+                    or self.tuning.views.averaging_radius)
 
     @property
     def may_use_projector(self):
@@ -324,7 +337,7 @@ class SurfaceMethod:
             return None
         return self.quality.uneven()
 
-    def make_std_true(self, verdict, planes, alignment):
+    def make_std_true(self, verdict, planes, pair, alignment):
         """
         Scale standard deviations by how well planes fit and by what is unknown of the rows.
 
@@ -335,6 +348,7 @@ class SurfaceMethod:
         ----------
         verdict : Verdict
         planes : PlaneField
+        pair : PairModel
         alignment : Alignment or None
 
         """
@@ -344,7 +358,11 @@ class SurfaceMethod:
             self.quality.correct_variance(planes)
         if alignment is not None:
             self.rows.widen(planes, alignment)
+        weight = self.least_squares.linearized.weight if self.brightness.active else None
+        slow = self.may_be_slow and self.shared.widen(self.views, planes, pair, weight)
         self.trust.rescale(verdict, assumed, planes.variance)
+        if slow:
+            self.shared.cap(verdict)
 
     def match_aligned(self, left, right, looks, alignment, search, clock):
         """
@@ -434,17 +452,24 @@ class SurfaceMethod:
             return seeds
         if self.expectation.aperiodic:
             coarse = self.coarse.search(views)
-            share, repetition = self.coarse.rival_share(), self.tuning.repetition
-            if share < repetition.noticed_share or (
-                    share < repetition.certain_share and colors_show(views, self.tuning)):
-                return coarse
-            self.rival_share = share
-            if self.blur_explains_rivals(views):
-                self.rival_share = 0.0
+            if not self.repeats(views):
+                if views.compressed:  # luma keeps the detail that chroma has lost
+                    brightness.load(views)
                 return coarse
             views.common_blur = 0.0  # what repeats need not have the sharp edges of the pattern
         brightness.load(views)
         return self.detailed_seeds(views)
+
+    def repeats(self, views):
+        """Return whether the pair repeats itself where its pattern must not; sets rival_share."""
+        share, repetition = self.coarse.rival_share(), self.tuning.repetition
+        if share < repetition.noticed_share or (
+                share < repetition.certain_share and colors_show(views, self.tuning)):
+            return False
+        self.rival_share = share
+        if self.blur_explains_rivals(views):
+            self.rival_share = 0.0
+        return self.rival_share > 0
 
     def detailed_seeds(self, views):
         """
@@ -466,12 +491,14 @@ class SurfaceMethod:
             self.suit(self.detailed)
         elif slow:
             views.average()
-        coarse = self.coarse.seeds if self.expectation.aperiodic else self.coarse.search(views)
         if not detailed:
             brightness.rest()
-            return coarse
+            return (self.coarse.seeds if self.expectation.aperiodic
+                    else self.coarse.search(views))
         found = self.texture.search(views, False)
         brightness.rely_on(found, views.grid)
+        if self.expectation.repeats:
+            self.coarse.search(views)
         if self.expectation.aperiodic or self.expectation.repeats:
             clear, odds = self.coarse.period_odds(found)
             return replace(found, clear_share=clear, period_odds=odds)

@@ -203,14 +203,17 @@ class ViewTuning(Constants):
     least_blocks: int = constant(
         12, '1', 'Blocks below which nothing is said.', chosen('A scatter needs some.'))
     sure_blocks: float = constant(
-        4.0, '1', 'Standard errors of the balance from which cameras differ.',
-        chosen('Both images show mostly the same: their difference scatters less than that.'))
+        1.0, '1', 'Difference of the balances, as a factor of their spread, from which cameras '
+        'differ.', chosen('The two cameras may see different parts of slow colors. Four standard '
+                          'errors of a mean, .4 of the spread, took that for gains: sealed pairs '
+                          'under one sine were off by 4 px.'))
     block_difference: float = constant(
         0.08, '1', 'Smallest difference of the log balance for gains of their own.',
         chosen('Other contents explain .04. Smaller ones are found from matches.'))
     sample_step: int = constant(
-        16, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
-        unexplained('1200 pixels are left at 640 x 480 (9662ae5).'))
+        5, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
+        chosen('Odd, so that all pixels of a mosaic count alike. Of 16 px, the means of a view with '
+               'few lit pixels were off by 15 %.'))
     sample_rows: int = constant(
         32, '1', 'Rows and columns that the samples have at least in small images.',
         unexplained('Images below 512 px are sampled more densely (9662ae5).'))
@@ -801,6 +804,46 @@ class StepTuning(Constants):
 
 
 @dataclass(frozen=True)
+class SharedTuning(Constants):
+    """Errors of colors that a whole window shares, under colors that change slowly."""
+
+    near_span: int = constant(
+        1, 'nodes', 'Half of the short way over which colors are compared.',
+        derived('The shortest one.'))
+    wide_span: int = constant(
+        4, 'nodes', 'Half of the long way.',
+        derived('16 px: a period of the usual patterns, over which their colors come back.'))
+    steady: float = constant(
+        0.8, '1', 'Slope over the long way, as a share of that over the short one, from which '
+        'colors change slowly.',
+        chosen('One sine and one sweep on four scenes: .6 to 1; hue_field: .2 to .3.'))
+    least_nodes: int = constant(
+        100, 'nodes', 'Lit nodes below which nothing is said.', chosen('A median needs some.'))
+    least_slope: float = constant(
+        1e-4, '1/px', 'Smallest slope that is divided by.',
+        derived('An error of one DN in a hundred then moves 100 px.'))
+    least_share: float = constant(
+        0.05, '1', 'Smallest known share of a window that is divided by.',
+        derived('Four of its nodes.'))
+    window: int = constant(
+        9, 'nodes', 'Width and height of the window whose errors are averaged.',
+        derived('That of the least squares.'))
+    surroundings: int = constant(
+        31, 'nodes', 'Width and height of the surroundings that share one variance.',
+        chosen('A tenth of the image: an error of one sign is one sample.'))
+    gain: float = constant(
+        1.4, '1', 'Variance of the errors along the slope, per fourth power of the mean root of '
+        'those across.',
+        chosen('2.2 holds for normal errors without a direction. Those along one sine and one '
+               'sweep are .5 to 1.2 times as large as those across, three scenes.'))
+    capped_odds: tuple = constant(
+        ((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0), (7.06, 4.37, 3.04, 2.25, 1.71, 1.32, 0.77)), '1',
+        'Standard deviations, px, and the log-odds that a normal error stays within 1 px.',
+        derived('ln(p / (1 - p)) of p = erf(1 / (sqrt(2) std)). Larger deviations take no more: '
+                'a range within 1 px is worth giving, with its deviation.'))
+
+
+@dataclass(frozen=True)
 class BrightnessTuning(Constants):
     """Brightness against its surroundings as a third carrier, and the search that it needs."""
 
@@ -834,31 +877,48 @@ class BrightnessTuning(Constants):
     level: float = constant(
         70.0, 'DN', 'Level of each channel in the images that are searched.',
         unexplained('Three times as bright places are not cut off.'))
-    block: int = constant(
-        3, 'px', 'Columns, and rows of nodes, of the windows of the search.',
-        chosen('5: .01 fewer seeds within 1 px in five textured pairs, at the same time. 1: right '
-               '.850 instead of .8585, eight pairs of casting and effector_bin.'))
     penalties: tuple = constant(
-        (8, 32), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
-        'larger step (P1, P2 of StereoSGBM).', derived("OpenCV's recommendation."))
+        (8, 24), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
+        'larger step.',
+        chosen('Twenty pairs of casting and effector_bin whose brightness counts: .893 of the seeds '
+               'right within 1 px, as with (8, 32) and (12, 32). (12, 64): .884, (5, 16): .889.'))
     gradient_cap: int = constant(
-        31, 'DN', 'Largest gradient that counts (preFilterCap of StereoSGBM).',
+        31, 'DN', 'Largest gradient that counts.',
         unexplained('Lies between the defaults of the two matchers of OpenCV.'))
+    difference_cap: int = constant(
+        24, 'DN', 'Largest difference of a gradient or of a quarter of a color that counts.',
+        chosen('Without it .002 fewer right seeds, 12: .001 fewer.'), compiled=True)
     agreement: int = constant(
         1, 'px', 'Largest difference of the matches left to right and right to left.',
-        unexplained('As in the evaluation of OpenCV\'s matchers.'))
+        unexplained('As in the evaluation of OpenCV\'s matchers.'), compiled=True)
+    run_up: int = constant(
+        6, 'nodes', 'Rows above a band of rows from which its paths from above come.',
+        unexplained('A path forgets what lies further away.'), compiled=True)
     many_disparities: int = constant(
-        96, 'px', 'Number of disparities above which a small pair tells which of them occur.',
-        unexplained('That search takes as long as 16 disparities of the large one.'))
+        128, 'px', 'Number of disparities above which a small pair tells which of them occur.',
+        chosen('A search of 128 takes 1.3 times as long as one of 64; the small pair '
+               'takes 3 ms.'))
     disparity_step: int = constant(
-        16, 'px', 'The number of disparities is a multiple of it.',
-        derived("OpenCV's matchers take no other ones."))
+        64, 'px', 'The number of disparities is a multiple of it.',
+        derived('So many go through one turn of a SIMD loop: 48 take longer than 64.'))
     shrinking: int = constant(
-        4, 'px', 'Width and height of the pixels of the small pair.',
-        unexplained('A search of the small pair takes a 32nd of the time of the large one.'))
+        4, '1', 'By how much smaller the small pair is in either direction.',
+        chosen('2: the same disparities in ten pairs of casting, 11 instead of 3 ms.'))
+    alike_window: int = constant(
+        5, 'nodes', 'Width and height of the windows of the small pair that must be alike.',
+        unexplained('Chance rarely makes 25 nodes alike, and most surfaces are larger.'))
+    least_alike: float = constant(
+        0.85, '1', 'Normalized cross-correlation of such windows from which a match counts.',
+        chosen('Twenty pairs of casting and effector_bin: median of the right matches .92 to .98, '
+               'of others -.1 to .4. .7: six pairs of casting keep twice the true disparities.'))
     least_surface: int = constant(
-        12, 'px', 'Size of a surface in the small pair up to which it does not count.',
-        unexplained('Chance makes smaller ones; 14 x 14 px of the image.'))
+        8, 'nodes', 'Size of a surface in the small pair up to which it does not count.',
+        unexplained('Chance makes smaller ones; 23 x 23 px of the image.'))
+    beyond_share: float = constant(
+        0.002, '1', 'Share of the matches of the small pair that may lie beyond the disparities '
+        'on either side.',
+        chosen('All true disparities of those pairs lie within the margin. 0: three pairs of '
+               'casting keep up to 177 disparities instead of 80.'))
     disparity_margin: int = constant(
         12, 'px', 'Disparities that are searched beyond those of the small pair.',
         derived('Three columns of the small pair.'))
@@ -1178,6 +1238,7 @@ class Tuning(Constants):
     bends: BendTuning = BendTuning()
     quality: QualityTuning = QualityTuning()
     steps: StepTuning = StepTuning()
+    shared: SharedTuning = SharedTuning()
     brightness: BrightnessTuning = BrightnessTuning()
     neighbors: NeighborTuning = NeighborTuning()
     trust: TrustTuning = TrustTuning()

@@ -192,6 +192,10 @@ class Views:
                                                (self.right, levels[1], levels[0])):
             if not view.sees_black and (dark - other).max() > self.tuning.dark_difference:
                 brighten(dark, mean, np.minimum(dark, other))
+        least = np.minimum(levels[0][0], levels[1][0])
+        for dark, mean in levels:
+            if (dark - least).max() <= self.tuning.dark_difference:
+                brighten(dark, mean, least)
 
 
 def brighten(dark, mean, level):
@@ -268,7 +272,7 @@ class View:
         height, width = (max(1, count // cell) for count in image.shape[:2])
         if cell > 1:
             pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
-        step = min(tuning.sample_step // cell, max(1, min(height, width) // tuning.sample_rows))
+        step = max(1, min(tuning.sample_step // cell, min(height, width) // tuning.sample_rows))
         dark, mean = np.empty((2, 3), F4)
         channel_levels(pixels, step, F4(color.dark_level), tuning.largest_dark_level, dark,
                        mean)
