@@ -19,8 +19,6 @@ from color_stereo_ros.core.surface.neighbor_kernels import HALO
 from color_stereo_ros.core.surface.pixel_kernels import bounded, OWN_SHARE
 from color_stereo_ros.core.surface.plane_kernels import LEAST_WEIGHT, RADIUS, SPAN
 from color_stereo_ros.core.surface.row_kernels import CELL, CELL_STEP, NODE_STEP
-from color_stereo_ros.core.surface.search_kernels import (
-    AGREEMENT as SEARCH_AGREEMENT, DIFFERENCE_CAP)
 from color_stereo_ros.core.surface.trust_kernels import (
     APART, FULL_SIZE, HIGHEST_ODDS, HOPELESS_ODDS, IMBALANCE_OFFSET, ISLAND_ODDS, STD_PER_DISTANCE,
     UNKNOWN_ODDS, UNLIT, VARIANCE_FACTOR)
@@ -891,82 +889,4 @@ def moved_rows(places_x, places_y, seen, margin, step_x, c, size):
                   and -1 / 32 <= y <= lines - 1 + 1 / 32)
         x, y = min(max(x - 0.5, 0), columns - 2), min(max(y - 0.5, 0), lines - 2)
         out[:, j, i] = int(y) * columns + int(x) if inside else -1, x % 1, y % 1
-    return out
-
-
-def intervals(planes):
-    """Return lowest and highest value within half a column of the inner columns, (C, h, w - 2)."""
-    low, high = np.zeros((2, *planes[..., 2:].shape), int)
-    for c, y, x in np.ndindex(low.shape):
-        before, here, after = (int(each) for each in planes[c, y, x:x + 3])
-        near = here, (here + before) // 2, (here + after) // 2
-        low[c, y, x], high[c, y, x] = min(near), max(near)
-    return low, high
-
-
-def search_rows(left, low, high, start, first, last_column, depth, small, large):
-    """Return the disparities of nodes, px, NaN where the right view does not agree."""
-    costs = window_costs(left, low, high, start, depth)
-    paths = (np.stack([both_ways(row, small, large) for row in costs])
-             + np.stack([path_costs(column, small, large)
-                         for column in costs.transpose(1, 0, 2)], axis=1))
-    return np.array([winners_of_row(row, first, last_column) for row in paths])
-
-
-def window_costs(left, low, high, start, depth):
-    """Return costs (h, w, depth), summed over channels and 3 x 3 nodes, middle columns twice."""
-    channels, rows, columns = left.shape
-    single = np.zeros((rows, columns, depth), int)
-    for c, y, x, d in np.ndindex(channels, rows, columns, depth):
-        value, at = int(left[c, y, x]), start - 2 * x + d
-        outside = max(value - int(high[c, y, at]), int(low[c, y, at]) - value, 0)
-        single[y, x, d] += min(outside, DIFFERENCE_CAP)
-    out = np.zeros_like(single)
-    for y, x in nodes_of((rows, columns)):
-        for j, i in WINDOW:
-            out[y, x] += (2 - abs(i)) * single[min(max(y + j, 0), rows - 1),
-                                               min(max(x + i, 0), columns - 1)]
-    return out
-
-
-def winners_of_row(total, first, last_column):
-    """Return the disparities of a row of nodes; total is (w, D)."""
-    best = [int(np.argmin(line)) for line in total]
-    bids = {}
-    for x, at in enumerate(best):
-        place = 2 * x - (first + at)
-        if 0 <= place <= last_column:
-            bids.setdefault(place // 2, []).append((total[x, at], -(first + at)))
-    out = []
-    for x, at in enumerate(best):
-        found = first + at + parabola_fit(total[x], at)
-        beside = first + at + (1 if found > first + at else -1)
-        agreed = False
-        for disparity in (first + at, beside):
-            place = 2 * x - disparity
-            rivals = bids.get(place // 2, []) if 0 <= place <= last_column else []
-            agreed |= not rivals or abs(-min(rivals)[1] - disparity) <= SEARCH_AGREEMENT
-        out.append(found if agreed else math.nan)
-    return out
-
-
-def parabola_fit(line, at):
-    """Return the offset of the lowest point of a parabola through three costs."""
-    if not 0 < at < len(line) - 1:
-        return 0.0
-    return 0.5 * (line[at - 1] - line[at + 1]) / max(
-        line[at - 1] + line[at + 1] - 2 * line[at], 1)
-
-
-def settle_disputes(seed, planes, variance, width, tuning):
-    """Return planes and variance in which seeds have replaced what is far from them; (h, w)."""
-    out = [plane.copy() for plane in (*planes, variance)]
-    for y, x in nodes_of(seed.shape):
-        if math.isnan(seed[y, x]):
-            continue
-        place, border = 2 * x - seed[y, x], tuning.disputed_border
-        near = abs(seed[y, x] - planes[0][y, x]) < tuning.disputed_distance
-        if border <= place < width - 1 - border and not near:
-            for plane, value in zip(out, (seed[y, x], 0, 0, tuning.disputed_std ** 2)):
-                plane[y, x] = value
     return out

@@ -32,7 +32,6 @@ from color_stereo_ros.core.surface.plane_kernels import (
 from color_stereo_ros.core.surface.quality_kernels import sample_quality
 from color_stereo_ros.core.surface.raw_faults import read_only
 from color_stereo_ros.core.surface.row_kernels import moved_rows, row_cells
-from color_stereo_ros.core.surface.search_kernels import intervals, RUN_UP, search_rows
 from color_stereo_ros.core.surface.step_kernels import lower_beside_steps
 from color_stereo_ros.core.surface.texture_kernels import (
     add_seeds, linearize_brightness, local_colors)
@@ -366,34 +365,6 @@ def test_colors_are_given_the_brightness_against_their_surroundings(column, chan
                                   (ROWS, COLUMNS))
     np.testing.assert_allclose(out, np.floor(expected), atol=1)  # a rounding may cross a number
     assert np.mean(out == np.floor(expected)) > 0.99
-
-
-def test_intervals_reach_half_a_column():
-    planes = np.random.default_rng(31).integers(-200, 255, (2, 5, 23)).astype(I2)
-    low, high = np.full((2, *planes.shape), 999, I2)
-    intervals(planes, low, high)
-    for found, expected in zip((low, high), naive.intervals(planes)):
-        np.testing.assert_array_equal(found[..., 1:-1], expected)
-
-
-@pytest.mark.parametrize('first, depth, channels', [(-9, 16, 2), (3, 7, 6)])
-def test_the_search_by_rows(first, depth, channels):
-    rng = np.random.default_rng(32)
-    rows, columns = RUN_UP + 1, 11  # the paths of every band begin in the first row
-    left = rng.integers(-18, 60, (channels, rows, columns)).astype(I2)
-    beside = max(0, first + depth) + 1, max(0, -first) + 1
-    size = sum(beside) + 2 * columns
-    low = rng.integers(-18, 60, (channels, rows, size)).astype(I2)
-    high = (low + rng.integers(0, 9, low.shape)).astype(I2)
-    start, last_column = beside[1] + 2 * columns - 1 + first, 2 * columns - 1
-    found = np.empty((rows, columns), F4)
-    scratch = (np.empty((BANDS, 5, columns, depth), I2), np.empty((BANDS, columns + 2, depth), I2),
-               np.empty((BANDS, columns + 2, depth + 2), I2),
-               np.empty((BANDS, 2, columns), np.int32))
-    search_rows(left, low, high, start, first, last_column, I2(80), I2(300), found, *scratch)
-    expected = naive.search_rows(left, low, high, start, first, last_column, depth, 80, 300)
-    assert 0.2 < np.mean(np.isfinite(expected)) < 1
-    np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize('fraction', [0.1, 0.25, 0.5, 0.75, 0.9])

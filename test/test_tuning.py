@@ -46,7 +46,6 @@ FORMULAS = {
 }
 # Module globals that are made of numbers and are no tuning.
 GLOBALS = {
-    'WINDOW',             # sum of the weights of a window
     'LARGEST',            # of int16
     'PATCH_ROWS', 'PATCH_COLUMNS', 'stack_sums',  # sizes that follow from the tuning
     'SIZE',               # of any small rig

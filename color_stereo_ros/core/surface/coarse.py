@@ -91,7 +91,7 @@ class CoarseSearch:
         self.path_scratch = arena.empty(
             (2, 2 * depth + 3, max(each.cost.shape[2] for each in (self.upright, self.turned))),
             np.int16)
-        self.disparity, self.clear = arena.zeros((2, h, w), F4)
+        self.disparity, self.clear = arena.empty((2, h, w), F4)
         self.clear_share = np.ones((h, w), F4) if self.least_gap > 0 else None
         self.seeds = Seeds(self.disparity, self.factor, self.clear_share, -0.5)
         self.best = arena.empty((BANDS, 2, w), np.int32)
@@ -143,11 +143,9 @@ class CoarseSearch:
 
         """
         tuning = self.repetition
-        clear = self.clear_share
-        if clear is None:
-            gap = round(tuning.noticed_gap * self.tuning.large_step)
-            winners(self.upright.total, self.first, gap, self.disparity, self.clear, self.best)
-            clear = cv2.blur(self.clear, self.region)
+        gap = self.least_gap or round(tuning.noticed_gap * self.tuning.large_step)
+        winners(self.upright.total, self.first, gap, self.disparity, self.clear, self.best)
+        clear = cv2.blur(self.clear, self.region)
         h, w = self.disparity.shape
         ours = (F4(2 * self.factor) * self.disparity - F4(0.5))
         theirs = F4(2) * found.disparity[self.factor // 2::self.factor,

@@ -91,7 +91,7 @@ class SurfaceMethod:
         self.views = Views(calibration, grid, settings, tuning, rectified_input, arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
-        self.texture = TextureSearch(grid, limits, tuning, arena)
+        self.texture = TextureSearch(grid, limits, tuning)
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.expectation = Expectation.of(settings.pattern)
         self.in_force = tuning
@@ -491,14 +491,12 @@ class SurfaceMethod:
             self.suit(self.detailed)
         elif slow:
             views.average()
+        coarse = self.coarse.seeds if self.expectation.aperiodic else self.coarse.search(views)
         if not detailed:
             brightness.rest()
-            return (self.coarse.seeds if self.expectation.aperiodic
-                    else self.coarse.search(views))
+            return coarse
         found = self.texture.search(views, False)
         brightness.rely_on(found, views.grid)
-        if self.expectation.repeats:
-            self.coarse.search(views)
         if self.expectation.aperiodic or self.expectation.repeats:
             clear, odds = self.coarse.period_odds(found)
             return replace(found, clear_share=clear, period_odds=odds)

@@ -877,48 +877,31 @@ class BrightnessTuning(Constants):
     level: float = constant(
         70.0, 'DN', 'Level of each channel in the images that are searched.',
         unexplained('Three times as bright places are not cut off.'))
+    block: int = constant(
+        3, 'px', 'Columns, and rows of nodes, of the windows of the search.',
+        chosen('5: .01 fewer seeds within 1 px in five textured pairs, at the same time. 1: right '
+               '.850 instead of .8585, eight pairs of casting and effector_bin.'))
     penalties: tuple = constant(
-        (8, 24), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
-        'larger step.',
-        chosen('Twenty pairs of casting and effector_bin whose brightness counts: .893 of the seeds '
-               'right within 1 px, as with (8, 32) and (12, 32). (12, 64): .884, (5, 16): .889.'))
+        (8, 32), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
+        'larger step (P1, P2 of StereoSGBM).', derived("OpenCV's recommendation."))
     gradient_cap: int = constant(
-        31, 'DN', 'Largest gradient that counts.',
+        31, 'DN', 'Largest gradient that counts (preFilterCap of StereoSGBM).',
         unexplained('Lies between the defaults of the two matchers of OpenCV.'))
-    difference_cap: int = constant(
-        24, 'DN', 'Largest difference of a gradient or of a quarter of a color that counts.',
-        chosen('Without it .002 fewer right seeds, 12: .001 fewer.'), compiled=True)
     agreement: int = constant(
         1, 'px', 'Largest difference of the matches left to right and right to left.',
-        unexplained('As in the evaluation of OpenCV\'s matchers.'), compiled=True)
-    run_up: int = constant(
-        6, 'nodes', 'Rows above a band of rows from which its paths from above come.',
-        unexplained('A path forgets what lies further away.'), compiled=True)
+        unexplained('As in the evaluation of OpenCV\'s matchers.'))
     many_disparities: int = constant(
-        128, 'px', 'Number of disparities above which a small pair tells which of them occur.',
-        chosen('A search of 128 takes 1.3 times as long as one of 64; the small pair '
-               'takes 3 ms.'))
+        96, 'px', 'Number of disparities above which a small pair tells which of them occur.',
+        unexplained('That search takes as long as 16 disparities of the large one.'))
     disparity_step: int = constant(
-        64, 'px', 'The number of disparities is a multiple of it.',
-        derived('So many go through one turn of a SIMD loop: 48 take longer than 64.'))
+        16, 'px', 'The number of disparities is a multiple of it.',
+        derived("OpenCV's matchers take no other ones."))
     shrinking: int = constant(
-        4, '1', 'By how much smaller the small pair is in either direction.',
-        chosen('2: the same disparities in ten pairs of casting, 11 instead of 3 ms.'))
-    alike_window: int = constant(
-        5, 'nodes', 'Width and height of the windows of the small pair that must be alike.',
-        unexplained('Chance rarely makes 25 nodes alike, and most surfaces are larger.'))
-    least_alike: float = constant(
-        0.85, '1', 'Normalized cross-correlation of such windows from which a match counts.',
-        chosen('Twenty pairs of casting and effector_bin: median of the right matches .92 to .98, '
-               'of others -.1 to .4. .7: six pairs of casting keep twice the true disparities.'))
+        4, 'px', 'Width and height of the pixels of the small pair.',
+        unexplained('A search of the small pair takes a 32nd of the time of the large one.'))
     least_surface: int = constant(
-        8, 'nodes', 'Size of a surface in the small pair up to which it does not count.',
-        unexplained('Chance makes smaller ones; 23 x 23 px of the image.'))
-    beyond_share: float = constant(
-        0.002, '1', 'Share of the matches of the small pair that may lie beyond the disparities '
-        'on either side.',
-        chosen('All true disparities of those pairs lie within the margin. 0: three pairs of '
-               'casting keep up to 177 disparities instead of 80.'))
+        12, 'px', 'Size of a surface in the small pair up to which it does not count.',
+        unexplained('Chance makes smaller ones; 14 x 14 px of the image.'))
     disparity_margin: int = constant(
         12, 'px', 'Disparities that are searched beyond those of the small pair.',
         derived('Three columns of the small pair.'))
