@@ -32,6 +32,16 @@ class Disturbance:
     per_pair: object = None
     """Function (number of the pair, level) -> `rows` (px), `gains` (3 floats); None: at rest."""
 
+    @property
+    def hardest(self):
+        """
+        Return the levels that `--quick` takes: the last one.
+
+        Of a pattern all: on a bare surface colors must tell, on a printed one brightness does.
+
+        """
+        return self.levels if self.group == 'pattern' else self.levels[-1:]
+
     def rig(self, level):
         """Return the disturbed StressRig of a level."""
         rig = StressRig()
@@ -128,9 +138,9 @@ _viewed('hot', 'electronics', 'hot pixels', '%', BOTH, 'hot', 0.1, 1,
 _wired('gamma_both', 'gamma of both', '', BOTH, 'response', 2.2)
 _wired('gamma_one', 'gamma of the right', '', RIGHT, 'response', 1.4, 2.2)
 _wired('crosstalk_both', 'share of each other color in each channel of both', '', BOTH,
-       'crosstalk', 0.1, 0.15)
+       'crosstalk', 0.1, 0.15, 0.3)
 _wired('crosstalk_one', 'share of each other color in each channel of the right', '', RIGHT,
-       'crosstalk', 0.1, 0.15)
+       'crosstalk', 0.1, 0.15, 0.3)
 _wired('full_well', 'full well', 'electrons', BOTH, 'full_well', 4000, 1000)
 _wired('speckle', 'relative noise of each pixel', '', BOTH, 'speckle', 0.03, 0.0625)
 _wired('black_level', 'dark level of both', 'DN', BOTH, 'dark_level', 16)

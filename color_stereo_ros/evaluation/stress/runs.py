@@ -37,7 +37,7 @@ class StressPlan:
     pairs: int = 1
     """Pairs of each scene, one after the other, through one ColorStereo."""
     hardest: bool = False
-    """Only the last level of each disturbance."""
+    """Only the `hardest` levels of each disturbance."""
     seed: int = 1
     values: dict = field(default_factory=dict)
     """Flat settings that override those of the scenes and disturbances."""
@@ -46,7 +46,7 @@ class StressPlan:
 
     @classmethod
     def quick(cls, **values):
-        """Return a plan of two scenes and one level of each disturbance."""
+        """Return a plan of two scenes and the hardest levels of each disturbance."""
         return cls(**{'scenes': QUICK, 'hardest': True, **values})
 
 
@@ -83,7 +83,7 @@ def cases_of(plan):
     asked = [(name, level_of(text)) for name, _, text in (
         each.partition('=') for each in plan.only)]
     for name, entry in chosen([name for name, _ in asked]):
-        levels = entry.levels[-1:] if plan.hardest else entry.levels
+        levels = entry.hardest if plan.hardest else entry.levels
         levels = [level for own, level in asked if own == name and level is not None] or levels
         found += [Case(name, level) for level in levels if name != 'none']
     return found
