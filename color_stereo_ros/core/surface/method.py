@@ -196,7 +196,7 @@ class SurfaceMethod:
         clock.lap('judge', verdict)
         if self.follower is None or given is None:
             measurement = self.of_two(verdict)
-        elif same or self.brightness.active:
+        elif same or self.brightness.seeded:  # no colors of the pattern show
             track = self.follower.passed(given, None if same else Reason.PLAIN)
             measurement = replace(self.of_two(verdict), projector=track)
         else:
