@@ -66,6 +66,17 @@ def found(stereo, images, monkeypatch):
     return seen, stereo.process(*images)
 
 
+@pytest.mark.parametrize('side', ['left', 'right'])
+def test_crosstalk_that_leaves_one_camera_a_tenth_of_its_contrast(usual, side):
+    mixed = np.full((3, 3), 0.3) + 0.7 * np.eye(3)
+    images = pair(**{side: lambda light: light @ (mixed / mixed.sum(axis=0))})
+    views = usual._method.views
+    result = usual.process(*images)
+    assert share_right(result) > 0.9
+    least, most = sorted(view.contrast(48) for view in (views.left, views.right))
+    assert most / least < TUNING.views.unlike_contrast
+
+
 def test_equal_views_stay_as_they_are(usual, monkeypatch):
     seen, result = found(usual, pair(), monkeypatch)
     assert not seen

@@ -229,6 +229,19 @@ class ViewTuning(Constants):
     same_camera_balance: float = constant(
         0.12, '1', 'Difference of the log channel balance of two cameras that share their gains.',
         unexplained('Cameras of one type stay below it under an aperiodic pattern (61b5d22).'))
+    unlike_contrast: float = constant(
+        2.5, '1', 'Ratio of the contrasts of the colors of both views from which the weaker one is '
+        'raised.', chosen('Gamma or crosstalk .15 in one camera: 1.4 to 1.9, which the color '
+                          'matrix mends. Crosstalk .3: 10, and no node matches.'))
+    left_contrast: float = constant(
+        2.0, '1', 'Ratio of the contrasts that is left to the color matrix.',
+        chosen('1 and 1.5: no ranges on effector_bin, whose dim nodes then drown in noise; casting '
+               'and airplane .92 and .97 right with each of them.'))
+    contrast_step: int = constant(
+        4, 'nodes', 'Distance of the nodes that tell the contrast.', derived('5,000 are enough.'))
+    contrast_nodes: int = constant(
+        150, '1', 'Bright nodes below which the contrast is not known.',
+        chosen('A variance of fewer is known to 12 %.'))
     averaging_radius: int = constant(
         0, 'nodes', 'Radius over which colors are averaged; 0: they are not.',
         derived('Steep colors need no average.'))
@@ -1240,6 +1253,8 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
         'Neighbors tell repetitions apart (e4ddeb0).')),
     'views.same_camera_balance': Change(math.inf, derived(
         'Both cameras may see different parts of the pattern: the blocks decide.')),
+    'views.unlike_contrast': Change(math.inf, derived(
+        'Both cameras may see different parts of the pattern.')),
     'views.balance_blocks': Change((12, 9), chosen(
         'A block of 53 px holds whole cycles of most patterns.')),
     'unlike.common': Change(False, derived('Slow colors have no sharp edges.')),

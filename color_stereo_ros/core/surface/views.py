@@ -125,8 +125,26 @@ class Views:
         smoothing = self.smoothing(left, right) if self.compressed else None
         for view, (dark, _), gain in zip((self.left, self.right), levels, gains):
             view.fill(dark, gain, color, smoothing)
+        self.raise_weak_contrast()
         self.noise_weight = F4(looks[0].noise_weight)
         return self
+
+    def raise_weak_contrast(self):
+        """
+        Raise the contrast of the colors of one view that is far below that of the other one.
+
+        Crosstalk takes saturation from all hues alike. Every part of an aperiodic pattern holds
+        all hues, so that both views should have one contrast.
+
+        """
+        tuning = self.tuning
+        if not math.isfinite(tuning.unlike_contrast):
+            return
+        contrasts = [view.contrast(self.raw.least_light) for view in (self.left, self.right)]
+        weak, strong = (self.left, self.right)[::1 if contrasts[0] < contrasts[1] else -1]
+        least, most = sorted(contrasts)
+        if least > 0 and most > tuning.unlike_contrast * least:
+            weak.raise_contrast(F4(most / least / tuning.left_contrast))
 
     def copied(self):
         """Return what `restore` takes: the colors of both views as they are now."""
@@ -353,6 +371,31 @@ class View:
         mean = cv2.GaussianBlur(plane, (0, 0), **size) / np.maximum(
             share, F4(self.tuning.least_inside_share))
         return np.maximum(mean, least) if least else mean
+
+    def contrast(self, least_light):
+        """
+        Return the contrast of the colors of bright nodes; 0 where noise explains it.
+
+        least_light: sum of the channels of a bright node, DN.
+
+        """
+        step = self.tuning.contrast_step
+        u, v, variance, s = (plane[::step, ::step] for plane in (
+            self.u, self.v, self.variance, self.s))
+        bright = (variance < SILENT_VARIANCE) & (s > least_light)
+        if np.count_nonzero(bright) < self.tuning.contrast_nodes:
+            return 0.0
+        square = u[bright].var() + v[bright].var()
+        return math.sqrt(square) if square > 2 * np.median(variance[bright]) else 0.0
+
+    def raise_contrast(self, factor):
+        """Multiply the colors of informed nodes around their median, and their noise."""
+        informed = self.variance < SILENT_VARIANCE
+        for plane in (self.u, self.v):
+            middle = np.median(plane[informed])
+            plane[informed] = middle + factor * (plane[informed] - middle)
+        self.variance[informed] = np.minimum(self.variance[informed] * factor ** 2,
+                                             F4(0.5) * SILENT_VARIANCE)
 
     def average(self):
         """Average the chromaticities of slow colors over the nodes around each one."""
