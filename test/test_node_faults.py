@@ -799,6 +799,7 @@ def test_after_an_absurd_image_the_memory_goes_back(rig):
         rig.diagnose(lambda p: True, 'it')
     count = [int(values_of(rig.diagnose(lambda p: True, 'it')['inputs'])['left received'])]
     assert count[0] > 20
+    assert_good(rig)  # the first pair behind such an image may be lost on its way
 
     sent = []
 
