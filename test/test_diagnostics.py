@@ -79,10 +79,19 @@ def test_the_summary_comes_first_and_says_in_one_line_how_the_sensor_is(rig):
     assert float(values_of(parts['range images'])['memory of the node (MB)']) > 10
 
 
+def dark(images):
+    """
+    Return images of a dark scene.
+
+    They are not identical: that is a doubt of its own, and the log says a text at most every 5 s.
+
+    """
+    return {side: np.full_like(image, level) for level, (side, image) in enumerate(images.items())}
+
+
 def test_the_summary_names_what_is_to_be_looked_after_with_its_part(rig):
     subscription = rig.listen(Image, 'depth/image')
-    rig.images = {side: np.full_like(image, level)
-                  for level, (side, image) in enumerate(rig.images.items())}
+    rig.images = dark(rig.images)
     parts = rig.feed(lambda p: 'few pixels' in p['summary'].message, 'darkness')
     rig.node.destroy_subscription(subscription)
     assert parts['summary'].level == DiagnosticStatus.WARN
@@ -120,9 +129,7 @@ def test_the_calibration_is_told(rig):
 
 def test_a_dark_scene_is_told_with_its_reason(rig):
     subscription = rig.listen(Image, 'depth/image')
-    # not identical: that is a doubt of its own, and the log says a text at most every 5 s
-    rig.images = {side: np.full_like(image, level)
-                  for level, (side, image) in enumerate(rig.images.items())}
+    rig.images = dark(rig.images)
     parts = rig.feed(lambda p: 'few pixels' in p['range images'].message, 'darkness')
     rig.node.destroy_subscription(subscription)
     assert parts['range images'].level == DiagnosticStatus.WARN

@@ -183,7 +183,6 @@ class Bench:
             'oldest_ms': max((b - a for a, b in answers), default=float('nan')) / 1e6,
             'p50_ms': float(after['latency p50 (ms)']), 'p99_ms': float(after['latency p99 (ms)'])}
 
-
     def _busy(self):
         """Return the processor time of all parts so far, s."""
         return {'node': processor_time(self._pid), **thread_times(self._pid),

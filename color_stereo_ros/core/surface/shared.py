@@ -48,24 +48,27 @@ class SharedErrors:
         """
         left = [plane[self.grid.inner] for plane in (views.left.u, views.left.v)]
         lit = views.left.variance[self.grid.inner] < SILENT_VARIANCE
-        if not self.slow(left, lit):
+        near, wide = ([slope(plane, span) for plane in left]
+                      for span in (self.tuning.near_span, self.tuning.wide_span))
+        if not self.steady(near, wide, lit):
             return False
         variance = planes.variance[self.grid.inner]
-        np.maximum(variance, self.variance(left, lit, views, planes, pair, weight), out=variance)
+        np.maximum(variance, self.variance(left, wide, lit, views, planes, pair, weight),
+                   out=variance)
         return True
 
-    def slow(self, colors, lit):
-        """Return whether colors of lit nodes change over a wide span as steadily as over one."""
+    def steady(self, near, wide, lit):
+        """Return whether the slopes of lit nodes over a wide span are those over a near one."""
         if np.count_nonzero(lit) < self.tuning.least_nodes:
             return False
-        near, wide = (np.hypot(*(slope(plane, span)[lit] for plane in colors))
-                      for span in (self.tuning.near_span, self.tuning.wide_span))
-        return bool(np.median(wide) > self.tuning.steady * np.median(near))
+        near, wide = (np.median(np.hypot(*(each[lit] for each in slopes)))
+                      for slopes in (near, wide))
+        return bool(wide > self.tuning.steady * near)
 
-    def variance(self, left, lit, views, planes, pair, weight):
+    def variance(self, left, slopes, lit, views, planes, pair, weight):
         """Return the variance of d by shared errors alone, px^2, float32 (rows, columns)."""
         tuning = self.tuning
-        along = [self.mean(slope(plane, tuning.wide_span)) for plane in left]
+        along = [self.mean(each) for each in slopes]
         steepness = np.maximum(np.hypot(*along), F4(tuning.least_slope))
         right, noise = self.matched(views, planes, pair.matrix)
         known = lit & (noise < SILENT_VARIANCE)

@@ -140,10 +140,10 @@ class Views:
         tuning = self.tuning
         if not math.isfinite(tuning.unlike_contrast):
             return
-        contrasts = [view.contrast(self.raw.least_light) for view in (self.left, self.right)]
-        weak, strong = (self.left, self.right)[::1 if contrasts[0] < contrasts[1] else -1]
-        least, most = sorted(contrasts)
+        left, right = (view.contrast(self.raw.least_light) for view in (self.left, self.right))
+        least, most = sorted((left, right))
         if least > 0 and most > tuning.unlike_contrast * least:
+            weak = self.left if left < right else self.right
             weak.raise_contrast(F4(most / least / tuning.left_contrast))
 
     def copied(self):
@@ -195,24 +195,22 @@ class Views:
 
     def share_dark_levels(self, levels):
         """
-        Lower the dark levels of a view that sees nothing dark to those of the other view.
+        Lower the dark levels of a view to those of the other view where its own are no evidence.
 
-        levels: as `channel_gains` takes them; changed in place. Blur takes the darkest places
-        from a view: then light would be taken for the dark level. Compression makes the dark
-        levels of channels differ by 1 DN, which would color dark places: all get the lowest one.
+        levels: as `channel_gains` takes them; changed in place. Levels that differ little differ
+        by chance, and slow colors would move by that. Blur takes the darkest places from a view:
+        then light would be taken for the dark level. Compression makes the dark levels of channels
+        differ by 1 DN, which would color dark places: all get the lowest one.
 
         """
         if self.compressed and self.settings.color.dark_level < 0:
             least = min(dark.min() for dark, _ in levels)
             for dark, mean in levels:
                 brighten(dark, mean, np.full(3, least, F4))
-        for view, (dark, mean), (other, _) in ((self.left, levels[0], levels[1]),
-                                               (self.right, levels[1], levels[0])):
-            if not view.sees_black and (dark - other).max() > self.tuning.dark_difference:
-                brighten(dark, mean, np.minimum(dark, other))
-        least = np.minimum(levels[0][0], levels[1][0])
-        for dark, mean in levels:
-            if (dark - least).max() <= self.tuning.dark_difference:
+        least = np.minimum(*(dark for dark, _ in levels))
+        for view, (dark, mean) in zip((self.left, self.right), levels):
+            chance = (dark - least).max() <= self.tuning.dark_difference
+            if chance or not view.sees_black:
                 brighten(dark, mean, least)
 
 
