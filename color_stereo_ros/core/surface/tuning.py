@@ -190,7 +190,7 @@ class ViewTuning(Constants):
         derived('Under hue_field one channel is dark everywhere.'))
     dark_difference: float = constant(
         2.5, 'DN', 'Difference of the dark levels of both views that is no chance.',
-        chosen('Clean pairs stay within 2 DN.'))
+        chosen('Clean pairs stay within 2 DN.'), off=-1.0)
     usual_dark_level: float = constant(
         3.0, 'DN', 'Largest dark level that is assumed where nothing dark is seen.',
         chosen('Cameras are built so that black is just above 0.'))
@@ -209,7 +209,7 @@ class ViewTuning(Constants):
                           'under one sine were off by 4 px.'))
     block_difference: float = constant(
         0.08, '1', 'Smallest difference of the log balance for gains of their own.',
-        chosen('Other contents explain .04. Smaller ones are found from matches.'))
+        chosen('Other contents explain .04. Smaller ones are found from matches.'), off=math.inf)
     sample_step: int = constant(
         5, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
         chosen('Odd, so that all pixels of a mosaic count alike. Of 16 px, the means of a view with '
@@ -232,7 +232,7 @@ class ViewTuning(Constants):
     unlike_contrast: float = constant(
         2.5, '1', 'Ratio of the contrasts of the colors of both views from which the weaker one is '
         'raised.', chosen('Gamma or crosstalk .15 in one camera: 1.4 to 1.9, which the color '
-                          'matrix mends. Crosstalk .3: 10, and no node matches.'))
+                          'matrix mends. Crosstalk .3: 10, and no node matches.'), off=math.inf)
     left_contrast: float = constant(
         2.0, '1', 'Ratio of the contrasts that is left to the color matrix.',
         chosen('1 and 1.5: no ranges on effector_bin, whose dim nodes then drown in noise; casting '
@@ -527,7 +527,7 @@ class UnlikeTuning(Constants):
         derived('The weight of the node itself stays positive.'))
     common: bool = constant(
         True, '1', 'Doubt pairs that are blurred in both views alike.',
-        derived('Aperiodic colors have edges that are as sharp as the views.'))
+        derived('Aperiodic colors have edges that are as sharp as the views.'), off=False)
     edge_rows: int = constant(
         16, 'px', 'Distance of the rows whose sharpest edges are looked at.',
         chosen('30 rows of an image of 480, .0005 s.'))
@@ -769,7 +769,7 @@ class QualityTuning(Constants):
     pull_gain: float = constant(
         QUALITY['pull_gain'], '1', 'Factor of the variance per squared mean root pull where the '
         'second difference is 1 px; 0: variances stay.',
-        QUALITY.provenance('pull_gain'))
+        QUALITY.provenance('pull_gain'), off=0.0)
     factor_limits: tuple = constant(
         (0.02, 200.0), '1', 'Smallest and largest factor of the variance.',
         chosen('Crosstalk in one camera asks for .06; the largest is far from any pair.'))
@@ -810,7 +810,7 @@ class StepTuning(Constants):
         30, '1', 'Samples beside steps below which nothing is doubted.',
         chosen('A median of fewer is chance.'))
     odds: float = constant(
-        STEPS['odds'], '1', 'Log-odds that are lost.', STEPS.provenance('odds'))
+        STEPS['odds'], '1', 'Log-odds that are lost.', STEPS.provenance('odds'), off=0.0)
     kept_odds: float = constant(
         1.9, '1', 'Log-odds that every node keeps: a confidence of .87.',
         derived('Below .9, and above every usual `matching.min_confidence`: no range is lost.'))
@@ -849,7 +849,7 @@ class SharedTuning(Constants):
         1.4, '1', 'Variance of the errors along the slope, per fourth power of the mean root of '
         'those across.',
         chosen('2.2 holds for normal errors without a direction. Those along one sine and one '
-               'sweep are .5 to 1.2 times as large as those across, three scenes.'))
+               'sweep are .5 to 1.2 times as large as those across, three scenes.'), off=0.0)
     capped_odds: tuple = constant(
         ((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0), (7.06, 4.37, 3.04, 2.25, 1.71, 1.32, 0.77)), '1',
         'Standard deviations, px, and the log-odds that a normal error stays within 1 px.',
@@ -935,7 +935,7 @@ class BrightnessTuning(Constants):
     disputed_distance: float = constant(
         1.0, 'px', 'Distance of a seed from a plane from which the seed replaces the plane.',
         chosen('A plane further away is not the same match. Eight pairs of casting and '
-               'effector_bin: right .8585 -> .8687, hi .91 -> .81 %.'))
+               'effector_bin: right .8585 -> .8687, hi .91 -> .81 %.'), off=math.inf)
     disputed_border: float = constant(
         4.0, 'px', 'Distance from the border of the right view up to which a seed replaces '
         'nothing.', derived('The windows of the search reach 2 px; a match moves by some px.'))
@@ -947,7 +947,7 @@ class BrightnessTuning(Constants):
         chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
     detailed_share: float = constant(
         0.5, '1', 'Share of nodes with so much detail from which brightness counts.',
-        unexplained('Half of the nodes.'))
+        unexplained('Half of the nodes.'), off=math.inf)
     least_explained: float = constant(
         0.8, '1', 'As `unlike.least_explained`, where brightness counts and the views fit well.',
         chosen('Colored patterns .91 to .98; gray speckle and faint colors of print .6 to .74: '
@@ -959,7 +959,8 @@ class BrightnessTuning(Constants):
     agreement_odds: float = constant(
         1.5, '1', 'Added to the log-odds of nodes whose plane the search confirms, and taken from '
         'those where it contradicts.',
-        chosen('Accepted nodes are right by .98 where it confirms them, by .5 where it does not.'))
+        chosen('Accepted nodes are right by .98 where it confirms them, by .5 where it does not.'),
+        off=0.0)
 
 
 @dataclass(frozen=True)
