@@ -77,6 +77,61 @@ def test_crosstalk_that_leaves_one_camera_a_tenth_of_its_contrast(usual, side):
     assert most / least < TUNING.views.unlike_contrast
 
 
+def mixed_by(share):
+    """Return a function from light to signals whose channels hold so much of each other one."""
+    matrix = np.full((3, 3), share) + (1 - 3 * share) * np.eye(3)
+    return lambda light: light @ matrix
+
+
+@pytest.mark.parametrize('share, raised', [(0.29, False), (0.31, True)])
+def test_crosstalk_of_both_cameras_leaves_ranges_that_are_right_and_sure(usual, share, raised):
+    result = usual.process(*pair(mixed_by(share), mixed_by(share)))
+    assert usual._method.views.raised == raised
+    assert share_right(result) > 0.94
+    sure = result.confidence > 0.9
+    inner = np.s_[12:-12, 48:-12]
+    assert sure[inner].mean() > 0.6
+    assert (np.abs(result.disparity - TRUTH) > 1)[sure].mean() < 0.015
+
+
+def test_raised_colors_are_like_those_without_crosstalk(usual):
+    views = usual._method.views
+    clean = views.load(*pair(), np.zeros(7)).left.u.copy()
+    views.load(*pair(mixed_by(0.3), mixed_by(0.3)), np.zeros(7))
+    before = views.left.variance.copy()
+    assert views.raise_faint_colors() is not None
+    inner = views.grid.inner
+    likeness = np.corrcoef(clean[inner].ravel(), views.left.u[inner].ravel())[0, 1]
+    assert likeness > 0.85
+    factor = TUNING.views.usual_contrast / views.contrasts[1]
+    np.testing.assert_allclose(views.left.variance[inner], np.minimum(
+        before[inner] * factor ** 2, 0.5 * TUNING.views.silent_variance), rtol=1e-4)
+
+
+def test_colors_that_go_back_are_the_same_bytes(usual):
+    views = usual._method.views
+    views.load(*pair(mixed_by(0.3), mixed_by(0.3)), np.zeros(7))
+    before = views.copied()
+    views.lower_colors(views.raise_faint_colors())
+    assert not views.raised
+    assert all(np.array_equal(*each) for each in zip(before, views.colors()))
+
+
+def test_a_gray_pattern_with_a_tint_is_not_the_pattern_in_faint_colors(usual):
+    rng = np.random.default_rng(5)
+    speckle = cv2.GaussianBlur(rng.normal(size=(HEIGHT, WIDTH)), (0, 0), 1.0)
+    gray = np.clip(0.4 + 0.6 * speckle, 0.05, 0.9)[..., None]
+    images = [exposed(np.repeat(gray, 3, axis=2) * (1.05, 1.0, 0.95), np.random.default_rng(seed))
+              for seed in (1, 2)]
+    usual.process(*images)
+    assert not usual._method.views.raised
+
+
+def test_usual_colors_are_not_raised(usual):
+    usual.process(*pair())
+    assert not usual._method.views.raised
+
+
 def test_equal_views_stay_as_they_are(usual, monkeypatch):
     seen, result = found(usual, pair(), monkeypatch)
     assert not seen

@@ -196,13 +196,18 @@ class SurfaceMethod:
         clock.lap('judge', verdict)
         if self.follower is None or given is None:
             measurement = self.of_two(verdict)
-        elif same or self.brightness.seeded:  # no colors of the pattern show
+        elif same or self.plain:
             track = self.follower.passed(given, None if same else Reason.PLAIN)
             measurement = replace(self.of_two(verdict), projector=track)
         else:
             measurement = self.with_third_view(verdict, pair, given, clock)
         clock.lap('expand', measurement)
         return replace(measurement, alignment=alignment, rival_share=self.rival_share)
+
+    @property
+    def plain(self):
+        """Return whether the pair in force shows no colors of the pattern."""
+        return self.brightness.seeded and not self.views.raised
 
     @property
     def planar(self):
@@ -280,7 +285,10 @@ class SurfaceMethod:
         track = given.track
         if track.prepared is None:
             track = self.follower.prepared(track.but(agreeing=True))
+        raised = self.views.raised  # in the last pair
         views = self.views.load(left, left, np.zeros(COUNT))
+        if raised:
+            views.raise_faint_colors()
         clock.lap('colors', views)
         self.third.adopt(track.model, track.prepared, given.pattern)
         if not np.isfinite(track.smoothing):  # nobody has searched
@@ -451,11 +459,15 @@ class SurfaceMethod:
             brightness.rely_on(seeds, views.grid)
             return seeds
         if self.expectation.aperiodic:
+            if views.raised:
+                return self.seeds_of_faint_colors(views)
             coarse = self.coarse.search(views)
             if not self.repeats(views):
                 if views.compressed:  # luma keeps the detail that chroma has lost
                     brightness.load(views)
                 return coarse
+            if self.faint_colors_show(views):
+                return self.seeds_of_faint_colors(views)
             views.common_blur = 0.0  # what repeats need not have the sharp edges of the pattern
         brightness.load(views)
         return self.detailed_seeds(views)
@@ -470,6 +482,38 @@ class SurfaceMethod:
         if self.blur_explains_rivals(views):
             self.rival_share = 0.0
         return self.rival_share > 0
+
+    def faint_colors_show(self, views):
+        """
+        Return whether both views show the pattern in faint colors, which have then been raised.
+
+        This is asked where the colors as they are seem to repeat. The tint and the noise of a gray pattern are faint, too. Raised, they match nowhere or at
+        many places, and the views stay as they are.
+
+        """
+        kept = views.raise_faint_colors()
+        if kept is None:
+            return False
+        self.coarse.search(views)
+        if self.coarse.rival_share() < self.tuning.repetition.noticed_share:
+            self.rival_share = 0.0
+            return True
+        views.lower_colors(kept)
+        self.coarse.search(views)
+        return False
+
+    def seeds_of_faint_colors(self, views):
+        """
+        Return the seeds of the search for texture, and let them hold the planes.
+
+        Raised colors are noisy, and brightness tells where they are too dim. Planes are fitted to
+        the colors alone: under strong crosstalk the pattern has little contrast in brightness.
+
+        """
+        self.suit(self.detailed)
+        found = self.texture.search(views, False)
+        self.brightness.rely_on(found, views.grid, self.tuning.brightness.faint_seed_std)
+        return found
 
     def detailed_seeds(self, views):
         """

@@ -237,6 +237,15 @@ class ViewTuning(Constants):
         2.0, '1', 'Ratio of the contrasts that is left to the color matrix.',
         chosen('1 and 1.5: no ranges on effector_bin, whose dim nodes then drown in noise; casting '
                'and airplane .92 and .97 right with each of them.'))
+    faint_contrast: float = constant(
+        0.35, '1', 'Contrast of the colors of both views below which it is raised.',
+        chosen('Crosstalk .2 in both: .42 to .45, raised right .876 -> .895 and .946 -> .940 '
+               '(effector_bin, casting). Crosstalk .25: .26 to .28, .823 -> .870 and .937 -> '
+               '.938.'))
+    usual_contrast: float = constant(
+        1.05, '1', 'Contrast of colors to which it is raised.',
+        chosen('That of the default pattern. .6: right .769 -> .784, wrong above confidence .9 '
+               '1.7 -> 2.2 % (effector_bin, crosstalk .3 in both).'))
     contrast_step: int = constant(
         4, 'nodes', 'Distance of the nodes that tell the contrast.', derived('5,000 are enough.'))
     contrast_nodes: int = constant(
@@ -926,6 +935,11 @@ class BrightnessTuning(Constants):
         0.15, 'px', 'Standard deviation of what the seeds of a window of `planes.radius` say.',
         chosen('.25: .8687 instead of .8743 right, eight pairs of casting and effector_bin whose '
                'brightness counts; hi .81 instead of .93 %.'))
+    faint_seed_std: float = constant(
+        0.3, 'px', 'As `seed_std`, where faint colors of the pattern were raised.',
+        chosen('.15: right .776 -> .769, wrong above confidence .9 .79 -> .62 %, z68 1.68 -> 1.51 '
+               '(effector_bin, crosstalk .3 in both); casting .928 -> .927, .12 -> .08 %, 1.27 -> '
+               '1.01.'))
     inertia: float = constant(
         0.5, '1', 'By how much the plane of a neighbor must fit better, see `neighbors.inertia`.',
         chosen('Unlit pair .793 -> .816 right; 1: .01 more right and .01 more wrong.'))
