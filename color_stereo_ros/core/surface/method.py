@@ -215,17 +215,6 @@ class SurfaceMethod:
         return self.settings.matching.refinements > 0 and self.settings.matching.slanted
 
     @property
-    def may_be_slow(self):
-        """
-        Return whether colors may change slowly although the pattern is not named a slow one.
-
-        Under slow patterns that are named, colors are averaged, and variances are fitted to that.
-
-        """
-        return not (self.expectation.aperiodic or self.gray
-                    or self.tuning.views.averaging_radius)
-
-    @property
     def may_use_projector(self):
         """Return whether settings and pattern allow a third view."""
         matching = self.settings.matching
@@ -367,10 +356,30 @@ class SurfaceMethod:
         if alignment is not None:
             self.rows.widen(planes, alignment)
         weight = self.least_squares.linearized.weight if self.brightness.active else None
-        slow = self.may_be_slow and self.shared.widen(self.views, planes, pair, weight)
+        rough = self.widen_slow(verdict, planes, pair, weight)
         self.trust.rescale(verdict, assumed, planes.variance)
-        if slow:
-            self.shared.cap(verdict)
+        if rough is not None:
+            self.shared.cap(verdict, rough)
+
+    def widen_slow(self, verdict, planes, pair, weight):
+        """
+        Widen planes.variance by errors that windows of slow colors share.
+
+        Returns `SharedErrors.roughness`; None where nothing is widened. Variances of averaged
+        colors are fitted to that already. Where detail holds the planes, named patterns need it
+        only if the ranges are rough.
+
+        """
+        averaging = self.tuning.views.averaging_radius > 0
+        if self.expectation.aperiodic or self.gray or averaging and not self.brightness.seeded:
+            return None
+        rough = 0.0
+        if self.brightness.seeded and self.settings.matching.refinements:
+            rough = self.shared.roughness(self.quality.uneven(), verdict.log_odds)
+        if averaging and not rough:
+            return None
+        slow = self.shared.widen(self.views, planes, pair, weight, rough)
+        return rough if slow else None
 
     def match_aligned(self, left, right, looks, alignment, search, clock):
         """

@@ -859,6 +859,17 @@ class SharedTuning(Constants):
         'those across.',
         chosen('2.2 holds for normal errors without a direction. Those along one sine and one '
                'sweep are .5 to 1.2 times as large as those across, three scenes.'), off=0.0)
+    rough: tuple = constant(
+        (-0.5, -0.35), 'ln px', 'Median of the logarithm of the second difference of ranges from '
+        'which brightness begins to hold nothing, and from which it holds nothing.',
+        chosen('Slow colors, detailed brightness, five scenes: bare effector_bin and barrel -.33 '
+               'to .16 (.39 to .51 of the ranges right), all others -.57 and less (.77 and more '
+               'right).'))
+    steepest: float = constant(
+        2.0, '1', 'Slope of colors over its median up to which it counts in rough pairs.',
+        chosen('effector_bin, one sine and one sweep, bare: wrong of those above .9 without a '
+               'limit 30 to 82 %, 3: 9 to 94 %, 2: none is above .9; z68 .8 to 1.0, .8 to .9, '
+               '.6 to .8.'))
     capped_odds: tuple = constant(
         ((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0), (7.06, 4.37, 3.04, 2.25, 1.71, 1.32, 0.77)), '1',
         'Standard deviations, px, and the log-odds that a normal error stays within 1 px.',
