@@ -8,7 +8,8 @@ from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
-from color_stereo_ros.core.surface.raw_faults import Looker, quantization, without_hot_pixels
+from color_stereo_ros.core.surface.raw_faults import (
+    Looker, quantization, step_of, without_hot_pixels)
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
 import cv2
 import numpy as np
@@ -402,6 +403,28 @@ def test_the_quantization_is_read_from_the_image(quality, step):
     assert quantization(image, TUNING.raw) == 1
     assert step <= quantization(compressed(image, quality), TUNING.raw) <= 1.25 * step
     assert quantization(image[:7], TUNING.raw) == 1
+
+
+@pytest.mark.parametrize('step', [1, 3, 7, 20])
+def test_steps_are_scored_as_by_their_naive_twin(step):
+    rng = np.random.default_rng(step)
+    for count, spread in ((0, 1), (20, 50), (400, 3), (1500, 12), (3000, 60)):
+        values = np.abs(step * np.rint(rng.normal(0, spread, count)) + rng.normal(0, 0.3, count))
+        values = values.astype(np.float32)
+        assert step_of(values, TUNING.raw) == naive_step_of(values, TUNING.raw)
+
+
+def naive_step_of(values, tuning):
+    """Return what `step_of` returns, one step after the other."""
+    found, best = 1, tuning.periodic
+    for step in range(2, tuning.largest_quantization + 1):
+        large = values[values > tuning.beyond_zero * step]
+        if np.count_nonzero(large > 2 * tuning.beyond_zero * step) < tuning.least_values:
+            break
+        score = np.cos(large * np.float32(2 * np.pi / step)).mean()
+        if score > best:
+            found, best = step, score
+    return found
 
 
 def test_a_half_dark_image_has_the_noise_of_its_light(usual):

@@ -933,9 +933,20 @@ class BrightnessTuning(Constants):
     shrinking: int = constant(
         4, 'px', 'Width and height of the pixels of the small pair.',
         unexplained('A search of the small pair takes a 32nd of the time of the large one.'))
+    alike_window: int = constant(
+        5, 'px', 'Width and height of the windows of the small pair that must be alike.',
+        unexplained('Chance rarely makes 25 px alike, and most surfaces are larger.'))
+    least_alike: float = constant(
+        0.85, '1', 'Normalized cross-correlation of such windows from which a match counts.',
+        chosen('Eight pairs of casting whose disparities are -118 .. -62 px: -122 .. -65 px are '
+               'left. .7: up to -212 or 41 px in four of them.'))
     least_surface: int = constant(
         12, 'px', 'Size of a surface in the small pair up to which it does not count.',
-        unexplained('Chance makes smaller ones; 14 x 14 px of the image.'))
+        chosen('Chance makes smaller ones; 14 x 14 px of the image. 8: disparities up to -212 px '
+               'in one of those pairs.'))
+    beyond_share: float = constant(
+        0.002, '1', 'Share of the matches of the small pair that may lie beyond the disparities on '
+        'either side.', chosen('0: disparities up to 47 px in two of those pairs.'))
     disparity_margin: int = constant(
         12, 'px', 'Disparities that are searched beyond those of the small pair.',
         derived('Three columns of the small pair.'))

@@ -389,8 +389,8 @@ class View:
         across = self.s * (along_u * self.v - along_v * self.u)
         across = (self.mean_inside(across, smoothing, F4(0))
                   / self.mean_inside(self.s, smoothing))
-        self.u[lit] = (along_u * own - along_v * across)[lit]
-        self.v[lit] = (along_v * own + along_u * across)[lit]
+        np.copyto(self.u, along_u * own - along_v * across, where=lit)
+        np.copyto(self.v, along_v * own + along_u * across, where=lit)
 
     def mean_inside(self, plane, deviation, least=F4(1)):
         """
