@@ -71,3 +71,17 @@ def path(costs, small, large):
             out[n, d] = here[d] + min(steps)
         last = out[n] - out[n].min()
     return out
+
+
+def better_plane(d, a, b, y, x, step, costs, best, wanted):
+    """Return cost and plane (d, a, b) of a node: its own, or the best `step` nodes away."""
+    found = best, d[y, x], a[y, x], b[y, x]
+    rows, columns = d.shape
+    if not wanted or not (step <= y < rows - step and step <= x < columns - step):
+        return found
+    which = int(np.argmin(costs))
+    down, along = ((0, -step), (0, step), (-step, 0), (step, 0))[which]
+    j, i = y + down, x + along
+    moved = d[j, i] - along * a[j, i] - down * b[j, i]
+    return (costs[which], moved, a[j, i], b[j, i]) if (
+        costs[which] < best and not np.isnan(moved)) else found

@@ -17,9 +17,9 @@ from color_stereo_ros.core.surface.third.search import needed_nodes
 from color_stereo_ros.core.surface.third.sweep import (
     geometry_variance, packed, places, straightened, sweep_matrix)
 from color_stereo_ros.core.surface.third.sweep_kernels import (
-    cheapest_disparities, claim_places, find_contested, linearize_sweep, PATHS,
-    paths_along_columns, paths_along_rows, places_of_nodes, sum_windows, sweep_costs,
-    sweep_misfits, take_better)
+    anchor_nodes, cells_of_nodes, cheapest_disparities, claim_cells, find_contested,
+    linearize_sweep, list_nodes, PATHS, paths_along_columns, paths_along_rows, places_of_nodes,
+    sum_windows, sweep_costs, sweep_misfits, take_best)
 from color_stereo_ros.core.surface.third.tuning import TUNING
 from color_stereo_ros.core.surface.trust import Verdict
 from color_stereo_ros.core.surface.tuning import TUNING as TUNING_OF_TWO
@@ -243,57 +243,75 @@ def inner(given):
                 yield y, x
 
 
-def common(given):
-    """Return the first arguments of the kernels."""
-    return (given['u'], given['v'], given['variance'], given['flat'], given['size'],
-            given['colors'], given['light'], given['unrest'], given['sweep'])
+def listed(given):
+    """Return the first arguments of the kernels: the nodes of the region in the tiles."""
+    wanted = np.zeros(given['d'].shape, bool)
+    for y, x in inner(given):
+        wanted[y, x] = given['region'][y, x]
+    counts = wanted.sum(axis=1)
+    nodes, told = np.empty(counts.sum(), np.int32), np.empty((8, counts.sum()), F4)
+    list_nodes(wanted, np.cumsum(counts) - counts, given['u'], given['v'], given['variance'],
+               given['light'], given['unrest'], F4(1.5), nodes, told)
+    np.testing.assert_array_equal(nodes, np.flatnonzero(wanted))
+    return nodes, told, given['flat'], given['size'], given['colors'], given['sweep']
 
 
 def test_nodes_are_linearized_as_their_formulas_say():
     given = nodes()
-    shape = given['d'].shape
-    weight, moment, misfit = np.zeros((3, *shape), F4)
-    known = np.random.default_rng(8).uniform(0, 9, (2, *shape)).astype(F4)
-    linearize_sweep(*common(given), given['d'], given['tiles'], given['region'], F4(9), F4(1.5),
-                    F4(0.04), F4(10), *known, weight, moment, misfit)
+    weight, moment, misfit = np.full((3, *given['d'].shape), 7, F4)
+    linearize_sweep(*listed(given), given['d'].ravel(), F4(9), F4(0.04), F4(10), weight.ravel(),
+                    moment.ravel(), misfit.ravel())
     count = 0
     for y, x in inner(given):
+        told = misfit[y, x], weight[y, x], moment[y, x]
         expected = naive_node(given, y, x, given['d'][y, x])
-        if expected is None:
-            assert np.isnan(misfit[y, x])
-            assert (weight[y, x], moment[y, x]) == tuple(known[:, y, x])
+        if not given['region'][y, x]:
+            assert told == (7, 7, 7)
+        elif expected is None:
+            np.testing.assert_array_equal(told, [np.nan, 0, 0])
         else:
             count += 1
-            told = [weight[y, x] - known[0, y, x], moment[y, x] - known[1, y, x]]
-            np.testing.assert_allclose([misfit[y, x], *told], expected,
-                                       rtol=2e-3, atol=2e-3 * abs(expected[1]) + 1e-4)
+            np.testing.assert_allclose(told, expected, rtol=2e-3,
+                                       atol=2e-3 * abs(expected[1]) + 1e-4)
     assert count > 300
 
 
 def test_the_plane_of_a_neighbor_is_compared_at_the_own_place():
     given = nodes()
-    out = np.zeros(given['d'].shape, F4)
-    sweep_misfits(*common(given), given['d'], given['a'], given['b'], 1, -2, given['tiles'],
-                  given['region'], F4(1.5), F4(0.04), F4(60), out)
+    out = np.full(given['d'].shape, 7, F4)
+    sweep_misfits(*listed(given), *(given[name].ravel() for name in 'dab'), 1, -2,
+                  out.shape[1], F4(0.04), F4(60), out.ravel())
     for y, x in inner(given):
         d = given['d'][y + 1, x - 2] + 2 * given['a'][y + 1, x - 2] - given['b'][y + 1, x - 2]
         expected = naive_node(given, y, x, d)
-        assert out[y, x] == pytest.approx(60 if expected is None else min(expected[0], 60),
-                                          rel=2e-3)
+        told = 60 if expected is None else min(expected[0], 60)
+        assert out[y, x] == pytest.approx(told if given['region'][y, x] else 7, rel=2e-3)
 
 
-def test_a_node_takes_the_plane_of_a_neighbor_where_it_costs_less():
-    given = nodes()
-    shape = given['d'].shape
-    cost, best = np.random.default_rng(1).random((2, *shape)).astype(F4)
-    kept = best.copy()
-    new = [given[name].copy() for name in 'dab']
-    take_better(given['d'], given['a'], given['b'], 0, 3, given['tiles'], cost, best, *new)
-    for y, x in inner(given):
-        better = cost[y, x] < kept[y, x]
-        plane = given['d'][y, x + 3] - 3 * given['a'][y, x + 3] if better else given['d'][y, x]
-        assert new[0][y, x] == pytest.approx(plane, abs=1e-5)
-        assert best[y, x] == min(cost[y, x], kept[y, x])
+def test_a_wanted_node_takes_the_best_plane_around():
+    given, step = nodes(), 3
+    costs = np.random.default_rng(1).random((4, *given['d'].shape)).astype(F4)
+    best = np.random.default_rng(2).random(given['d'].shape).astype(F4)
+    given['d'][PAD + 2, PAD + 2] = np.nan  # nobody takes an unknown plane
+    new, kept = [np.zeros_like(best) for _ in range(3)], best.copy()
+    take_best(*(given[name] for name in 'dab'), step, costs, best, given['region'],
+              *new)
+    for y, x in np.ndindex(best.shape):
+        expected = naive_sweep.better_plane(*(given[name] for name in 'dab'), y, x, step,
+                                            costs[:, y, x], kept[y, x], given['region'][y, x])
+        np.testing.assert_allclose([best[y, x], *(each[y, x] for each in new)], expected,
+                                   rtol=1e-5, atol=1e-5)
+
+
+def test_firm_nodes_get_what_two_cameras_know_and_all_others_nothing():
+    rng = np.random.default_rng(3)
+    firm = rng.random((9, 40)) < 0.5
+    told, *given = rng.random((6, *firm.shape)).astype(F4)
+    own = list(rng.random((7, *firm.shape)).astype(F4))
+    planes = [each.copy() for each in own[:3]]
+    anchor_nodes(firm, told, *given, F4(60), *own)
+    for known, out, otherwise in zip((*given, told, told), own, (*planes, 0, 0, np.nan, 60)):
+        np.testing.assert_array_equal(out, np.where(firm, known, F4(otherwise)))
 
 
 def test_coarse_costs_are_differences_of_colors_and_leave_known_nodes_alone():
@@ -370,15 +388,30 @@ def test_the_cheapest_disparity_is_refined():
 
 
 def test_two_surfaces_cannot_claim_one_place_of_the_pattern():
-    d = np.array([[10.0, 10.5, 30.0]], F4)
-    odds = np.array([[2.0, 5.0, 1.0]], F4)
-    spots = np.array([[[3.0, 4.0, 3.5]], [[3.0, 3.0, 3.0]]], F4)
-    best, owner = np.empty((2, 4, 4), F4)
-    contested = np.empty((1, 3), F4)
-    claim_places(d, odds, spots, F4(8), best, owner)
-    find_contested(d, spots, F4(8), F4(2), best, owner, contested)
-    assert owner[0, 0] == F4(10.5)
-    np.testing.assert_array_equal(contested, [[0, 0, 5]])
+    two, third = np.zeros((2, 1 + 2 * PAD, 4 + 2 * PAD), F4)
+    two[PAD, PAD:PAD + 4], third[PAD, PAD:PAD + 4] = (10, 10.5, 30, 50), (10, 10.5, 30, 30)
+    odds = np.array([[[2, 5, 1, -1]], [[2, 5, 1, 3]]], F4)  # of two cameras, of the third view
+    cells = np.array([[[0, 0, 0, 2]], [[0, 0, 0, -1]]], np.int32)
+    best, owner = np.empty((2, 4), F4)
+    contested = np.empty((2, 1, 4), F4)
+    claim_cells(two, third, odds, cells, best, owner)
+    assert owner[0] == F4(10.5) and np.isnan(owner[1:]).all()
+    for d, at, out in zip((two, third), cells, contested):
+        find_contested(d, at, F4(2), best, owner, out)
+    np.testing.assert_array_equal(contested, [[[0, 0, 5, 0]], [[0, 0, 5, 0]]])
+
+
+def test_cells_are_those_of_the_places_that_light_the_nodes():
+    given, cell, (height, width) = nodes(), 4.0, (10, 12)
+    given['d'][PAD + 2, PAD + 3] = np.nan
+    out = np.empty((TILE_ROWS, TILE_COLUMNS), np.int32)
+    cells_of_nodes(given['sweep'], given['d'], F4(cell), height, width, out)
+    for y, x in np.ndindex(out.shape):
+        (u, v), _, depth = naive_sweep.place(given['sweep'], 2 * x + 0.5, 2 * y + 0.5,
+                                             given['d'][PAD + y, PAD + x])
+        inside = depth > 0 and 0 <= u < cell * width and 0 <= v < cell * height
+        assert out[y, x] == (int(v / cell) * width + int(u / cell) if inside else -1)
+    assert out[2, 3] == -1 and (out >= 0).sum() > 50 and (out < 0).sum() > 20
 
 
 def test_forms_are_weighed_by_the_kinds_of_nodes():
@@ -564,9 +597,10 @@ def test_nothing_compiles_after_a_projector_is_taken():
     rig = ColorStereo(CALIBRATION, settings())
     rig.use_projector(projector())
     kernels = (color_equations, color_errors, color_slopes, solve_changes, decide, sort_nodes,
-               gather_evidence, weigh_forms, claim_places, find_contested, linearize_sweep,
+               gather_evidence, weigh_forms, cells_of_nodes, claim_cells, find_contested,
+               anchor_nodes, list_nodes, linearize_sweep,
                paths_along_columns, sweep_costs, paths_along_rows, places_of_nodes, sum_windows,
-               sweep_misfits, take_better, cheapest_disparities)
+               sweep_misfits, take_best, cheapest_disparities)
     before = [len(kernel.signatures) for kernel in kernels]
     result = rig.process(*pair())
     assert (result.views & 2).any()

@@ -11,7 +11,7 @@ from ..trust import Verdict
 from ..trust_kernels import HOPELESS_ODDS as HOPELESS
 from ...status import Status
 from .fusion_kernels import decide, gather_evidence, PROJECTOR, sort_nodes, weigh_forms
-from .sweep_kernels import claim_places, find_contested, places_of_nodes
+from .sweep_kernels import cells_of_nodes, claim_cells, find_contested
 from .tuning import TUNING
 
 
@@ -109,6 +109,7 @@ class Fusion:
         self.odds, self.third_odds = np.zeros((2, *grid.nodes), F4)
         self.kind, self.only_third = np.zeros((2, *grid.nodes), np.uint8)
         self.possible = np.zeros(grid.nodes, bool)
+        self.cells = np.zeros((2, *grid.nodes), np.int32)
         self.fused = Fused(FusedPlanes(grid, *np.full((3, *grid.shape), np.nan, F4)),
                            Verdict(*np.zeros((2, *grid.shape), F4),
                                    np.zeros(grid.shape, np.uint8)),
@@ -190,20 +191,17 @@ class Fusion:
 
     def write_contested(self, found, planes):
         """Write for both planes the odds of another surface at the same place of the pattern."""
-        use, (rows, columns), inner = TUNING.use, self.grid.nodes, self.grid.inner
-        projected, evidence = found.projected, self.evidence
+        use, projected, evidence = TUNING.use, found.projected, self.evidence
         cell = F4(2 * projected.scale * use.cell)
         height, width = (int(count / cell) + 1 for count in projected.size)
-        best, owner = np.empty((2, height, width), F4)
-        both = planes.d[inner], found.planes.d[inner]
-        places = np.empty((2, 2, rows, columns), F4)
-        for each, out in zip((planes.d, found.planes.d), places):
-            places_of_nodes(projected.sweep, each, 1, out)
-        taken = evidence[1] > evidence[0]
-        claim_places(np.where(taken, both[1], both[0]), np.maximum(evidence[0], evidence[1]),
-                     np.where(taken, places[1], places[0]), cell, best, owner)
-        for d, place, out in zip(both, places, evidence[3:5]):
-            find_contested(d, place, cell, F4(use.contest_distance), best, owner, out)
+        best, owner = np.empty((2, height * width), F4)
+        cells = self.cells
+        for each, out in zip((planes.d, found.planes.d), cells):
+            cells_of_nodes(projected.sweep, each, cell, height, width, out)
+        claim_cells(planes.d, found.planes.d, evidence, cells, best, owner)
+        distance = F4(use.contest_distance)
+        find_contested(planes.d, cells[0], distance, best, owner, evidence[3])
+        find_contested(found.planes.d, cells[1], distance, best, owner, evidence[4])
 
     def fuse(self, found, verdict, planes):
         """

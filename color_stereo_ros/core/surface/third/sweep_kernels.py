@@ -18,7 +18,7 @@ import numpy as np
 
 from ...compiled import (
     band, banded, LENGTH, part, serial, stack_array, stack_integers, stack_row)
-from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS, U4
+from ..grid_kernels import F4, FAST, I4, NAN, PAD, U4
 from .tuning import TUNING
 
 I2 = np.int16
@@ -61,27 +61,22 @@ def blue_of(pixel):
 
 
 @part(fastmath=FAST)
-def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, color_v, slope_u,
-        slope_v):
+def find_pixels(flat, size, m, margin, count, xs, ys, ds, us, ss, ts, dus, dvs, pixels0, pixels1,
+                pixels2, pixels3):
     """
-    Write the chromaticities that the left camera should see at some nodes, and their slopes.
+    Write which pixels of the pattern surround the places that light some nodes, and where between.
 
-    Nodes lie at (xs[n], y) and have disparities ds[n]; red, blue and gray are their light. The
-    slopes are those against d. color_u is NaN where a place lies outside the pattern. The pattern
-    is interpolated linearly: it is blurred so far that this is off by 1 % of the contrast. m and c
-    are `numbers` of the sweep and of the map of the colors. Parts that return several numbers,
-    and stores to arrays that might overlap, would keep the loop from being vectorized.
+    Nodes lie at (xs[n], ys[n]) and have disparities ds[n]. us is 0, and NaN where a place lies
+    outside the pattern; ss, ts are the fractions, dus, dvs the slopes of the place against d. m is
+    `numbers` of the sweep.
 
     """
     height, width = size[0], I4(size[1])
     last_u, last_v = F4(width - 1) - margin, F4(height - 1) - margin
-    one, two = F4(1), F4(2)
-    us, vs, gus, gvs = stack_row(), stack_row(), stack_row(), stack_row()
-    ss, ts, dus, dvs = stack_row(), stack_row(), stack_row(), stack_row()
-    places, pixels0, pixels1 = stack_pixels(), stack_pixels(), stack_pixels()
-    pixels2, pixels3 = stack_pixels(), stack_pixels()
+    one = F4(1)
+    places = stack_pixels()
     for n in range(count):
-        x, d = xs[n], ds[n]
+        x, y, d = xs[n], ys[n], ds[n]
         depth = m[8] * x + m[9] * y + m[10] + m[11] * d
         inverse = one / (depth if depth > LEAST_DEPTH else LEAST_DEPTH)
         u = (m[0] * x + m[1] * y + m[2] + m[3] * d) * inverse
@@ -100,6 +95,59 @@ def see(flat, size, m, c, margin, count, xs, y, ds, red, blue, gray, color_u, co
         below = U4(at + U4(width))
         pixels0[n], pixels1[n] = flat[at], flat[U4(at + U4(1))]
         pixels2[n], pixels3[n] = flat[below], flat[U4(below + U4(1))]
+
+
+@part(fastmath=FAST)
+def see_colors(flat, size, m, c, margin, count, xs, ys, ds, red, blue, gray, color_u, color_v):
+    """Write the chromaticities that `see` writes, without their slopes."""
+    two = F4(2)
+    us, ss, ts, vs = stack_row(), stack_row(), stack_row(), stack_row()
+    dus, dvs = stack_row(), stack_row()
+    pixels0, pixels1 = stack_pixels(), stack_pixels()
+    pixels2, pixels3 = stack_pixels(), stack_pixels()
+    find_pixels(flat, size, m, margin, count, xs, ys, ds, us, ss, ts, dus, dvs, pixels0, pixels1,
+                pixels2, pixels3)
+    for n in range(count):
+        s, t = ss[n], ts[n]
+        p0, p1, p2, p3 = pixels0[n], pixels1[n], pixels2[n], pixels3[n]
+        top = red_of(p0) + s * (red_of(p1) - red_of(p0))
+        p = UNIT * (top + t * (red_of(p2) + s * (red_of(p3) - red_of(p2)) - top))
+        top = green_of(p0) + s * (green_of(p1) - green_of(p0))
+        q = UNIT * (top + t * (green_of(p2) + s * (green_of(p3) - green_of(p2)) - top))
+        top = blue_of(p0) + s * (blue_of(p1) - blue_of(p0))
+        o = UNIT * (top + t * (blue_of(p2) + s * (blue_of(p3) - blue_of(p2)) - top))
+        r = red[n] * (c[0] * p + c[1] * q + c[2] * o + c[3])
+        g = c[4] * p + c[5] * q + c[6] * o + c[7]
+        b = blue[n] * (c[8] * p + c[9] * q + c[10] * o + c[11])
+        total = r + g + b
+        share = gray[n] / (total if total > LEAST_LIGHT else LEAST_LIGHT)
+        us[n] += (two * r - g - b) * share  # NaN stays
+        vs[n] = ROOT3 * (g - b) * share
+    for n in range(count):
+        color_u[n] = us[n]
+        color_v[n] = vs[n]
+
+
+@part(fastmath=FAST)
+def see(flat, size, m, c, margin, count, xs, ys, ds, red, blue, gray, color_u, color_v, slope_u,
+        slope_v):
+    """
+    Write the chromaticities that the left camera should see at some nodes, and their slopes.
+
+    Nodes as in `find_pixels`; red, blue and gray are their light. The slopes are those against d.
+    color_u is NaN where a place lies outside the pattern. The pattern is interpolated linearly: it
+    is blurred so far that this is off by 1 % of the contrast. m and c are `numbers` of the sweep
+    and of the map of the colors. Parts that return several numbers, and stores to arrays that
+    might overlap, would keep the loop from being vectorized.
+
+    """
+    one, two = F4(1), F4(2)
+    us, vs, gus, gvs = stack_row(), stack_row(), stack_row(), stack_row()
+    ss, ts, dus, dvs = stack_row(), stack_row(), stack_row(), stack_row()
+    pixels0, pixels1 = stack_pixels(), stack_pixels()
+    pixels2, pixels3 = stack_pixels(), stack_pixels()
+    find_pixels(flat, size, m, margin, count, xs, ys, ds, us, ss, ts, dus, dvs, pixels0, pixels1,
+                pixels2, pixels3)
     for n in range(count):
         s, t, du, dv = ss[n], ts[n], dus[n], dvs[n]
         p0, p1, p2, p3 = pixels0[n], pixels1[n], pixels2[n], pixels3[n]
@@ -155,150 +203,184 @@ def places_of_nodes(k, sweep, d, step, out):
             vs[column] = (m[4] * x + m[5] * y + m[6] + m[7] * value) * inverse
 
 
-@part()
-def any_below(values, bounds):
-    """Return whether any entry is smaller than its bound; NaN is not."""
-    found = False
-    for x in range(values.size):
-        found |= values[x] < bounds[x]
-    return found
+@banded()
+def list_nodes(k, wanted, starts, left_u, left_v, left_var, light, unrest, scale, nodes, told):
+    """
+    List the wanted nodes, row by row, and what does not change while their planes do.
+
+    wanted bool, framed; starts int64: how many there are in the rows above a row. nodes int32 (N,)
+    takes their place in flat framed arrays, told float32 (8, N) column and row of the left image,
+    px, both chromaticities, the variance of these (scale unrest left_var), and the three numbers
+    of light, float32 (3, framed): red and blue against green, and the share of the color that is
+    left.
+
+    """
+    rows, columns = wanted.shape
+    first, last = band(k, rows)
+    xs, ys, own_u, own_v, noises = told[0], told[1], told[2], told[3], told[4]
+    red, blue, gray = told[5], told[6], told[7]
+    for y in range(first, last):
+        n, row = starts[y], F4(2 * (y - PAD)) + F4(0.5)
+        looked, us, vs, variances = wanted[y], left_u[y], left_v[y], left_var[y]
+        factors, reds, blues, grays = unrest[y], light[0, y], light[1, y], light[2, y]
+        for x in range(columns):
+            if looked[x]:
+                nodes[n] = I4(y * columns + x)
+                xs[n], ys[n] = F4(2 * (x - PAD)) + F4(0.5), row
+                own_u[n], own_v[n] = us[x], vs[x]
+                noises[n] = scale * factors[x] * variances[x]
+                red[n], blue[n], gray[n] = reds[x], blues[x], grays[x]
+                n += 1
+
+
+@part(fastmath=FAST)
+def read_block(told, start, count, xs, ys, own_u, own_v, noises, red, blue, gray):
+    """Copy what `list_nodes` told of count nodes from start on: stores into rows keep SIMD."""
+    for n in range(count):
+        xs[n], ys[n] = told[0, start + n], told[1, start + n]
+        own_u[n], own_v[n] = told[2, start + n], told[3, start + n]
+        noises[n], red[n] = told[4, start + n], told[5, start + n]
+        blue[n], gray[n] = told[6, start + n], told[7, start + n]
 
 
 @banded(fastmath=FAST)
-def linearize_sweep(k, left_u, left_v, left_var, flat, size, colors, light, unrest, sweep, d,
-                    tiles, region, robust_misfit, scale, phase, reference, known_weight,
-                    known_moment, weight, moment, misfit):
+def linearize_sweep(k, nodes, told, flat, size, colors, sweep, d, robust_misfit, phase, reference,
+                    weight, moment, misfit):
     """
-    Compare the nodes of some tiles with the pattern, and linearize there; only those in region.
+    Compare listed nodes with the pattern, and linearize there; others keep what they have.
 
-    As `plane_kernels.linearize`; the pattern has no noise. The variance of a color is scale unrest
-    left_var + phase g.g. light, float32 (3, framed): red and blue against green, and the share of
-    the color that is left. known_weight and known_moment are what is
-    known of the nodes otherwise; they are added. The misfit of places outside the pattern is NaN.
-    flat is the pattern image of size (height, width).
+    As `plane_kernels.linearize`; the pattern has no noise. nodes and told as `list_nodes` writes
+    them; d, weight, moment and misfit are flat. The variance of a color is that of the list +
+    phase g.g. Places outside the pattern tell nothing, and their misfit is NaN. flat is the
+    pattern image of size (height, width).
 
     """
     one = F4(1)
     m, c = numbers(sweep), numbers(colors)
-    at, weights, moments, misfits = stack_integers(), stack_row(), stack_row(), stack_row()
+    weights, moments, misfits = stack_row(), stack_row(), stack_row()
     own_u, own_v, noises = stack_row(), stack_row(), stack_row()
-    xs, ds, red, blue, gray = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    xs, ys, ds, red, blue, gray = (stack_row(), stack_row(), stack_row(), stack_row(), stack_row(),
+                                   stack_row())
     color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
-    first, last = band(k, tiles.shape[0])
-    for tile in range(first, last):
-        top, left = tiles[tile, 0], tiles[tile, 1]
-        right = left + TILE_COLUMNS
-        for y in range(top, top + TILE_ROWS):
-            out_weight, out_moment = weight[y, left:right], moment[y, left:right]
-            out_misfit = misfit[y, left:right]
-            for x in range(left, right):
-                weight[y, x], moment[y, x] = known_weight[y, x], known_moment[y, x]
-                misfit[y, x] = NAN
-            count = 0
-            for x in range(left, right):
-                if region[y, x] & (left_var[y, x] < SILENT_VARIANCE):
-                    at[count] = I2(x - left)
-                    xs[count] = F4(2 * (x - PAD)) + F4(0.5)
-                    ds[count] = d[y, x]
-                    red[count], blue[count], gray[count] = (light[0, y, x], light[1, y, x],
-                                                            light[2, y, x])
-                    own_u[count], own_v[count] = left_u[y, x], left_v[y, x]
-                    noises[count] = scale * unrest[y, x] * left_var[y, x]
-                    count += 1
-            if count == 0:
-                continue
-            whole = (count + 7) & ~7  # vectors of 8; what is left from before is not used
-            see(flat, size, m, c, MARGIN, whole, xs, F4(2 * (y - PAD)) + F4(0.5), ds, red, blue,
-                gray, color_u, color_v, slope_u, slope_v)
-            for n in range(whole):
-                error_u, error_v = own_u[n] - color_u[n], own_v[n] - color_v[n]
-                steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
-                w = one / (noises[n] + phase * steep)
-                chi = w * (error_u * error_u + error_v * error_v)
-                w = w / (one + chi / robust_misfit)
-                weights[n] = w * steep
-                moments[n] = (w * steep * (ds[n] - reference)
-                              + w * (slope_u[n] * error_u + slope_v[n] * error_v))
-                misfits[n] = chi
-            for n in range(count):
-                if color_u[n] == color_u[n]:
-                    x = at[n]
-                    out_weight[x] += weights[n]
-                    out_moment[x] += moments[n]
-                    out_misfit[x] = misfits[n]
+    first, last = band(k, (nodes.size + LENGTH - 1) // LENGTH)
+    for block in range(first, last):
+        start = block * LENGTH
+        count = min(LENGTH, nodes.size - start)
+        whole = (count + 7) & ~7  # vectors of 8; what is left from before is not used
+        read_block(told, start, count, xs, ys, own_u, own_v, noises, red, blue, gray)
+        for n in range(count):
+            ds[n] = d[nodes[start + n]]
+        see(flat, size, m, c, MARGIN, whole, xs, ys, ds, red, blue, gray, color_u, color_v,
+            slope_u, slope_v)
+        for n in range(whole):
+            error_u, error_v = own_u[n] - color_u[n], own_v[n] - color_v[n]
+            steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
+            w = one / (noises[n] + phase * steep)
+            chi = w * (error_u * error_u + error_v * error_v)
+            w = w / (one + chi / robust_misfit)
+            weights[n] = w * steep
+            moments[n] = (w * steep * (ds[n] - reference)
+                          + w * (slope_u[n] * error_u + slope_v[n] * error_v))
+            misfits[n] = chi
+        for n in range(count):
+            at, seen = nodes[start + n], color_u[n] == color_u[n]
+            weight[at] = weights[n] if seen else F4(0)
+            moment[at] = moments[n] if seen else F4(0)
+            misfit[at] = misfits[n] if seen else NAN
 
 
 @banded(fastmath=FAST)
-def sweep_misfits(k, left_u, left_v, left_var, flat, size, colors, light, unrest, sweep, d, a, b,
-                  step_y, step_x, tiles, region, scale, phase, cap, out):
+def sweep_misfits(k, nodes, told, flat, size, colors, sweep, d, a, b, step_y, step_x, width,
+                  phase, cap, out):
     """
-    Write the misfit of every node of some tiles under the plane of the node (step_y, step_x) away.
+    Write the misfit of every listed node under the plane of the node (step_y, step_x) away.
 
-    At most cap, which also stands for what is unknown or not in region.
+    At most cap, which also stands for what is unknown. nodes and told as `list_nodes` writes them;
+    d, a, b and out are flat, of rows of a width.
 
     """
     m, c = numbers(sweep), numbers(colors)
-    at, misfits = stack_integers(), stack_row()
+    shift, along, down = step_y * width + step_x, F4(step_x), F4(step_y)
     own_u, own_v, noises = stack_row(), stack_row(), stack_row()
-    xs, ds, red, blue, gray = stack_row(), stack_row(), stack_row(), stack_row(), stack_row()
+    xs, ys, ds, red, blue, gray = (stack_row(), stack_row(), stack_row(), stack_row(), stack_row(),
+                                   stack_row())
     color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
-    first, last = band(k, tiles.shape[0])
-    for tile in range(first, last):
-        top, left = tiles[tile, 0], tiles[tile, 1]
-        right = left + TILE_COLUMNS
-        for y in range(top, top + TILE_ROWS):
-            out_misfit = out[y, left:right]
-            out_misfit[:] = cap
-            there, count = y + step_y, 0
-            for x in range(left, right):
-                if region[y, x] & (left_var[y, x] < SILENT_VARIANCE):
-                    at[count] = I2(x - left)
-                    xs[count] = F4(2 * (x - PAD)) + F4(0.5)
-                    ds[count] = (d[there, x + step_x] - a[there, x + step_x] * F4(step_x)
-                                 - b[there, x + step_x] * F4(step_y))
-                    red[count], blue[count], gray[count] = (light[0, y, x], light[1, y, x],
-                                                            light[2, y, x])
-                    own_u[count], own_v[count] = left_u[y, x], left_v[y, x]
-                    noises[count] = scale * unrest[y, x] * left_var[y, x]
-                    count += 1
-            if count == 0:
-                continue
-            whole = (count + 7) & ~7
-            see(flat, size, m, c, MARGIN, whole, xs, F4(2 * (y - PAD)) + F4(0.5), ds, red, blue,
-                gray, color_u, color_v, slope_u, slope_v)
-            for n in range(whole):
-                error_u, error_v = own_u[n] - color_u[n], own_v[n] - color_v[n]
-                steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
-                misfits[n] = (error_u * error_u + error_v * error_v) / (
-                    noises[n] + phase * steep)
-            for n in range(count):
-                if misfits[n] < cap:
-                    out_misfit[at[n]] = misfits[n]
+    first, last = band(k, (nodes.size + LENGTH - 1) // LENGTH)
+    for block in range(first, last):
+        start = block * LENGTH
+        count = min(LENGTH, nodes.size - start)
+        whole = (count + 7) & ~7
+        read_block(told, start, count, xs, ys, own_u, own_v, noises, red, blue, gray)
+        for n in range(count):
+            at = nodes[start + n] + shift
+            ds[n] = d[at] - a[at] * along - b[at] * down
+        see(flat, size, m, c, MARGIN, whole, xs, ys, ds, red, blue, gray, color_u, color_v,
+            slope_u, slope_v)
+        for n in range(count):
+            error_u, error_v = own_u[n] - color_u[n], own_v[n] - color_v[n]
+            steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
+            chi = (error_u * error_u + error_v * error_v) / (noises[n] + phase * steep)
+            own_u[n] = chi if chi < cap else cap
+        for n in range(count):
+            out[nodes[start + n]] = own_u[n]
 
 
 @banded(fastmath=FAST)
-def take_better(k, d, a, b, step_y, step_x, tiles, cost, best, new_d, new_a, new_b):
-    """Take the planes of the nodes (step_y, step_x) away where their cost is below best."""
-    first, last = band(k, tiles.shape[0])
-    for tile in range(first, last):
-        top, left = tiles[tile, 0], tiles[tile, 1]
-        right, begin = left + TILE_COLUMNS, left + step_x
-        stop = begin + TILE_COLUMNS
-        for y in range(top, top + TILE_ROWS):
-            costs, least = cost[y, left:right], best[y, left:right]
-            if not any_below(costs, least):
+def take_best(k, d, a, b, step, costs, best, wanted, new_d, new_a, new_b):
+    """
+    Write for every node its own plane, or, if wanted, the best of the planes `step` nodes away.
+
+    costs, float32 (4, framed), are those under the planes to the left, right, above, below. best,
+    float32 framed, holds those under the own planes, and takes the lowest of nodes that change.
+    Planes of nodes whose cost is at most settled stay, and those within step of the border.
+
+    """
+    rows, columns = best.shape
+    first, last = band(k, rows)
+    for y in range(first, last):
+        for x in range(columns):
+            new_d[y, x], new_a[y, x], new_b[y, x] = d[y, x], a[y, x], b[y, x]
+        if (y < step) | (y >= rows - step):
+            continue
+        for x in range(step, columns - step):
+            if not wanted[y, x]:
                 continue
-            there = y + step_y
-            dd, aa, bb = d[there, begin:stop], a[there, begin:stop], b[there, begin:stop]
-            out_d, out_a, out_b = (new_d[y, left:right], new_a[y, left:right],
-                                   new_b[y, left:right])
-            for x in range(TILE_COLUMNS):
-                here = dd[x] - aa[x] * F4(step_x) - bb[x] * F4(step_y)
-                if (costs[x] < least[x]) & (here == here):
-                    least[x] = costs[x]
-                    out_d[x] = here
-                    out_a[x] = aa[x]
-                    out_b[x] = bb[x]
+            least, which = best[y, x], -1
+            for n in range(4):
+                if costs[n, y, x] < least:
+                    least, which = costs[n, y, x], n
+            if which < 0:
+                continue
+            along = step * ((which == 1) - (which == 0))
+            down = step * ((which == 3) - (which == 2))
+            j, i = y + down, x + along
+            here = d[j, i] - a[j, i] * F4(along) - b[j, i] * F4(down)
+            if here == here:
+                best[y, x] = least
+                new_d[y, x], new_a[y, x], new_b[y, x] = here, a[j, i], b[j, i]
+
+
+@banded()
+def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, known_moment, cap,
+                 d, a, b, weight, moment, misfit, cost):
+    """
+    Give firm nodes what two cameras know of them, and let all others know nothing but their plane.
+
+    All arrays are framed. told_misfit is what the pattern says of the planes of two cameras.
+
+    """
+    rows, columns = firm.shape
+    first, last = band(k, rows)
+    for y in range(first, last):
+        for x in range(columns):
+            there = firm[y, x]
+            d[y, x] = known_d[y, x] if there else d[y, x]
+            a[y, x] = known_a[y, x] if there else a[y, x]
+            b[y, x] = known_b[y, x] if there else b[y, x]
+            weight[y, x] = known_weight[y, x] if there else F4(0)
+            moment[y, x] = known_moment[y, x] if there else F4(0)
+            misfit[y, x] = told_misfit[y, x] if there else NAN
+            cost[y, x] = told_misfit[y, x] if there else cap
 
 
 @banded(fastmath=FAST)
@@ -317,9 +399,9 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, need
     first, last = band(k, rows)
     full = F4(cap)
     m, c = numbers(sweep), numbers(colors)
-    some, xs, ds = stack_integers(), stack_row(), stack_row()
+    some, xs, ys, ds = stack_integers(), stack_row(), stack_row(), stack_row()
     red, blue, gray = stack_row(), stack_row(), stack_row()
-    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
+    color_u, color_v = stack_row(), stack_row()
     for row in range(first, last):
         for column in range(columns):
             if needed[row, column] == 0:
@@ -337,7 +419,7 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, need
                 continue
             own_u, own_v = F4(left_u[row, column]), F4(left_v[row, column])
             for n in range(LENGTH):
-                xs[n] = offset + step * F4(column)
+                xs[n], ys[n] = offset + step * F4(column), offset + step * F4(row)
                 red[n], blue[n] = light[0, row, column], light[1, row, column]
                 gray[n] = light[2, row, column] * scale
             for start in range(0, depth, LENGTH):
@@ -345,8 +427,8 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, need
                 whole = (count + 7) & ~7  # vectors of 8
                 for n in range(whole):
                     ds[n] = first_disparity + F4(start + n) * spacing
-                see(flat, size, m, c, F4(0), whole, xs, offset + step * F4(row), ds, red, blue,
-                    gray, color_u, color_v, slope_u, slope_v)
+                see_colors(flat, size, m, c, F4(0), whole, xs, ys, ds, red, blue, gray, color_u,
+                           color_v)
                 for n in range(whole):
                     away = abs(own_u - color_u[n]) + abs(own_v - color_v[n])
                     away = away if away < full else full
@@ -491,49 +573,74 @@ def cheapest_disparities(k, total, known, needed, best):
             best[y, x] = place
 
 
-@serial()
-def claim_places(d, odds, places, cell, best, owner):
+@banded(fastmath=FAST)
+def cells_of_nodes(k, sweep, d, cell, height, width, out):
     """
-    Let every node claim the place of the pattern that lights it; the one of the best odds gets it.
+    Write which cell of the pattern lights every node, int32 (rows, columns); -1: none.
 
-    d, odds are float32 (rows, columns), places float32 (2, rows, columns), px. best, float32 (h,
-    w), takes the odds and owner, float32 (h, w), the disparity of the node that gets a cell of
-    `cell` pixels of the pattern; -inf and NaN where nobody claims it.
+    d is framed, px. Cells are `cell` pixels of the pattern wide, (height, width) of them, counted
+    row by row.
+
+    """
+    m = numbers(sweep)
+    rows, columns = out.shape
+    first, last = band(k, rows)
+    share = F4(1) / cell
+    for row in range(first, last):
+        y = F4(2 * row) + F4(0.5)
+        here, cells = d[PAD + row, PAD:PAD + columns], out[row]
+        for column in range(columns):
+            x, value = F4(2 * column) + F4(0.5), here[column]
+            depth = m[8] * x + m[9] * y + m[10] + m[11] * value
+            ahead = depth > LEAST_DEPTH
+            inverse = share / (depth if ahead else LEAST_DEPTH)
+            u = (m[0] * x + m[1] * y + m[2] + m[3] * value) * inverse
+            v = (m[4] * x + m[5] * y + m[6] + m[7] * value) * inverse
+            inside = (ahead & (u >= F4(0)) & (v >= F4(0)) & (u < F4(width)) & (v < F4(height)))
+            u, v = u if inside else F4(0), v if inside else F4(0)
+            cells[column] = I4(v) * I4(width) + I4(u) if inside else I4(-1)
+
+
+@serial()
+def claim_cells(two_d, third_d, odds, cells, best, owner):
+    """
+    Let every node claim the cell of the pattern that lights it; the one of the best odds gets it.
+
+    A node claims that of two cameras or that of the third view, whichever has the better log-odds,
+    odds[0] or odds[1], float32 (2 or more, rows, columns). two_d, third_d are framed; cells, int32
+    (2, rows, columns), are those of `cells_of_nodes`. best, float32, takes the odds and owner,
+    float32, the disparity of the node that gets a cell; -inf and NaN where nobody claims it.
 
     """
     best[:] = -F4(np.inf)
     owner[:] = NAN
-    height, width = best.shape
-    rows, columns = odds.shape
+    rows, columns = cells.shape[1:]
     for row in range(rows):
         for column in range(columns):
-            u, v = places[0, row, column], places[1, row, column]
-            if (u >= F4(0)) & (v >= F4(0)):
-                i, j = I4(u / cell), I4(v / cell)
-                if (i < width) & (j < height):
-                    if odds[row, column] > best[j, i]:
-                        best[j, i] = odds[row, column]
-                        owner[j, i] = d[row, column]
+            two, third = odds[0, row, column], odds[1, row, column]
+            taken = third > two
+            at = cells[1, row, column] if taken else cells[0, row, column]
+            value = third if taken else two
+            if at >= 0 and value > best[at]:
+                best[at] = value
+                owner[at] = (third_d[row + PAD, column + PAD] if taken
+                             else two_d[row + PAD, column + PAD])
 
 
-@banded()
-def find_contested(k, d, places, cell, distance, best, owner, contested):
+@banded(fastmath=FAST)
+def find_contested(k, d, cells, distance, best, owner, contested):
     """
-    Write the odds of another surface that claims the same place of the pattern, at least 0.
+    Write the odds of another surface that claims the same cell of the pattern, at least 0.
 
-    Another surface differs by more than `distance`, px, in disparity. contested is float32 (rows,
-    columns).
+    Another surface differs by more than `distance`, px, in disparity. d is framed, contested is
+    float32 (rows, columns); all others as in `claim_cells`.
 
     """
-    height, width = best.shape
     rows, columns = contested.shape
     first, last = band(k, rows)
     for row in range(first, last):
+        here, at, out = d[PAD + row, PAD:PAD + columns], cells[row], contested[row]
         for column in range(columns):
-            u, v = places[0, row, column], places[1, row, column]
-            contested[row, column] = F4(0)
-            if (u >= F4(0)) & (v >= F4(0)):
-                i, j = I4(u / cell), I4(v / cell)
-                if (i < width) & (j < height):
-                    if abs(owner[j, i] - d[row, column]) > distance:
-                        contested[row, column] = max(best[j, i], F4(0))
+            there = max(at[column], I4(0))
+            other = (at[column] >= 0) & (abs(owner[there] - here[column]) > distance)
+            out[column] = max(best[there], F4(0)) if other else F4(0)

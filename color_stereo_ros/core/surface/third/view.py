@@ -11,11 +11,13 @@ from ...projector.model import COUNT, ProjectorModel
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
 from ..planes import LeastSquares, Linearized, PlaneField
-from .colors import explained, fitted_colors, Light, local_light, resized, warm as warm_colors
+from .colors import (
+    explained, fitted_colors, Light, local_light, middle, resized, warm as warm_colors)
 from .fusion import Fusion, known_planes
 from .projected import Projected
 from .search import SweepSearch
-from .sweep_kernels import linearize_sweep, places_of_nodes, sweep_misfits, take_better
+from .sweep_kernels import (
+    anchor_nodes, linearize_sweep, list_nodes, places_of_nodes, sweep_misfits, take_best)
 from .tuning import TUNING
 
 WARM = 8, 8  # size of a pattern that nobody sees, px
@@ -43,6 +45,36 @@ class Found:
     projected: Projected
 
 
+class NodeList:
+    """
+    Nodes that are compared with the pattern, and what does not change while their planes do.
+
+    Parameters
+    ----------
+    grid : HalfGrid
+    arena : Arena
+
+    """
+
+    def __init__(self, grid, arena):
+        """Allocate as many entries as there are nodes."""
+        most = grid.shape[0] * grid.shape[1]
+        self.all_nodes = arena.zeros((most,), np.int32)
+        self.all_told = arena.zeros((8, most), F4)
+        self.nodes, self.told = self.all_nodes[:0], self.all_told[:, :0]
+
+    def fill(self, region, left, light):
+        """List the nodes of a region, bool framed, whose color says something; return self."""
+        wanted = region & (left.variance < SILENT_VARIANCE)
+        counts = np.count_nonzero(wanted, axis=1)
+        starts = np.cumsum(counts) - counts
+        count = int(starts[-1] + counts[-1])
+        self.nodes, self.told = self.all_nodes[:count], self.all_told[:, :count]
+        list_nodes(wanted, starts, left.u, left.v, left.variance, light.local, light.unrest,
+                   light.scale, self.nodes, self.told)
+        return self
+
+
 class ThirdView:
     """
     Measures with left camera and projector.
@@ -66,8 +98,10 @@ class ThirdView:
         self.seen.fill(TUNING.use.misfit_cap)
         self.solver = LeastSquares(grid, method.limits, method.settings.matching,
                                    method.tuning.planes, arena)
-        self.cost, self.best = (arena.zeros(grid.shape, F4) for _ in range(2))
-        self.known = Linearized(*(arena.zeros(grid.shape, F4) for _ in range(2)))
+        self.cost = arena.zeros(grid.shape, F4)
+        self.costs = arena.zeros((len(NEIGHBORS), *grid.shape), F4)
+        self.local = np.ones((4, *grid.shape), F4)
+        self.lists = tuple(NodeList(grid, arena) for _ in range(2))
         rows, columns = np.indices(grid.shape)
         self.sparse = (rows % 2 == 0) & (columns % 2 == 0)
         self.sparse_share = cv2.blur(self.sparse.astype(F4), (3, 3))
@@ -137,24 +171,30 @@ class ThirdView:
         dim = self.dim(firm)
         lit = self.lit()
         lit[inner] &= dim < F4(use.shadow_dim)
-        region = self.region_of(lit & ~firm)
-        self.fill(planes, firm, light, linearized, pair, region)
-        return Found(self.planes, firm, witness, region & lit,
+        region = lit & ~firm
+        self.fill(planes, firm, witness, light, linearized, pair, region)
+        return Found(self.planes, firm, witness, region,
                      self.around(self.planes.misfit), self.geometry_variance(), dim,
                      self.projected)
 
     def witness(self, planes, light):
         """Return the mean misfit around the nodes at planes, from a quarter of them, float32."""
-        self.misfits(planes, light, 0, 0, self.grid.tiles, self.sparse, self.seen)
+        self.seen.fill(TUNING.use.misfit_cap)
+        self.misfits(planes, light, 0, 0, self.listed(0, self.sparse, light), self.seen)
         return cv2.blur(self.seen * self.sparse, (3, 3)) / self.sparse_share
 
-    def misfits(self, planes, light, step_y, step_x, tiles, region, out):
-        """Write the misfits of a region under planes of neighbors; see `sweep_misfits`."""
-        left, projected = self.views.left, self.projected
-        sweep_misfits(left.u, left.v, left.variance, light.pattern.image, projected.size,
-                      light.colors, light.local, light.unrest, projected.sweep, planes.d,
-                      planes.a, planes.b, step_y, step_x, tiles, region, light.scale,
-                      self.phase, F4(TUNING.use.misfit_cap), out)
+    def listed(self, which, region, light):
+        """Return the NodeList of a region whose color says something; which: 0 or 1."""
+        return self.lists[which].fill(region, self.views.left, light)
+
+    def misfits(self, planes, light, step_y, step_x, listed, out):
+        """Write the misfits of listed nodes under planes of neighbors; see `sweep_misfits`."""
+        projected = self.projected
+        sweep_misfits(listed.nodes, listed.told, light.pattern.image, projected.size, light.colors,
+                      projected.sweep, *(each.reshape(-1) for each in (planes.d, planes.a,
+                                                                       planes.b)),
+                      step_y, step_x, self.grid.shape[1], self.phase, F4(TUNING.use.misfit_cap),
+                      out.reshape(-1))
 
     def lit(self):
         """Return the nodes whose color says something, bool framed."""
@@ -188,9 +228,9 @@ class ThirdView:
         self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
         nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
         warm_colors(self.coarse.disparity.shape)
-        self.witness(planes, light)
-        self.fill(planes, nothing, light, self.solver.linearized, PairModel.neutral(self.views),
-                  nothing)
+        witness = self.witness(planes, light)
+        self.fill(planes, nothing, witness, light, self.solver.linearized,
+                  PairModel.neutral(self.views), nothing)
         around = self.around(self.planes.misfit)
         self.fusion.fuse(Found(self.planes, nothing, around, nothing, around,
                                self.geometry_variance(), self.dim(nothing), self.projected),
@@ -201,7 +241,7 @@ class ThirdView:
         """Return the log of how much brighter firm nodes around are, float32 (rows, columns)."""
         f, (h, w) = self.coarse.factor, self.coarse.disparity.shape
         thin = np.s_[:h * f:f, :w * f:f]
-        level = np.log(np.maximum(self.views.left.s[self.grid.inner], F4(1)))
+        level = cv2.log(np.maximum(self.views.left.s[self.grid.inner], F4(1)))
         known = firm[self.grid.inner][thin].astype(F4)
         size = (2 * TUNING.use.dim_radius + 1,) * 2
         share = cv2.blur(known, size, borderType=cv2.BORDER_CONSTANT)
@@ -209,15 +249,17 @@ class ThirdView:
         overall = np.sum(level[thin] * known) / max(np.sum(known), 1)
         hold = F4(TUNING.color.least_share)
         usual = (wide + hold * F4(overall)) / (share + hold)
-        return np.clip(cv2.resize(usual, self.grid.nodes[::-1]) - level, 0,
-                       TUNING.use.most_dim).astype(F4)
+        dim = cv2.resize(usual, self.grid.nodes[::-1])
+        np.subtract(dim, level, out=dim)
+        return np.clip(dim, F4(0), F4(TUNING.use.most_dim), out=dim)
 
     def geometry_variance(self):
         """Return the variance of disparities by the geometry, px^2, float32 (rows, columns)."""
         thin = 4 * self.coarse.factor
         d = self.planes.d[self.grid.inner][::thin, ::thin]
-        middle = float(np.nanmedian(d)) if np.isfinite(d).any() else float(np.mean(self.limits))
-        return self.projected.spread(self.geometry, middle, self.grid.nodes)
+        known = d[np.isfinite(d)]
+        typical = float(middle(known) if known.size else np.mean(self.limits))
+        return self.projected.spread(self.geometry, typical, self.grid.nodes)
 
     def measure_alone(self, pair):
         """
@@ -237,7 +279,7 @@ class ThirdView:
         light = self.neutral_light() if self.last_light is None else self.last_light
         lit, nothing = self.lit(), np.zeros(grid.shape, bool)
         for _ in range(TUNING.use.alone_rounds):
-            self.fill(self.planes, nothing, light, self.solver.linearized, pair, lit)
+            self.fill(self.planes, nothing, self.seen, light, self.solver.linearized, pair, lit)
             around = self.around(self.planes.misfit)
             odds = self.fusion.own_odds(self.planes, around, known_planes(self.planes))
             better = self.light(self.planes, odds > F4(TUNING.use.firm_odds))
@@ -258,7 +300,7 @@ class ThirdView:
         count = np.count_nonzero(used)
         if count * tuning.thin ** 2 < tuning.least_samples:
             return None
-        some = np.flatnonzero(used)[::max(1, count // tuning.samples)]
+        some = np.flatnonzero(used)[::-(-count // tuning.samples)]
         pattern, colors, share = self.sharpest(*(each.ravel()[some] for each in (
             u, v, variance, *place)))
         if share < TUNING.use.least_explained:
@@ -266,7 +308,7 @@ class ThirdView:
         sampled = self.projected.light_at(pattern, *place)
         local, error = local_light(u, v, sampled, colors, variance, used)
         errors = error[used][::max(1, count // tuning.scale_samples)]
-        scale = F4(max(np.percentile(errors, 25) / tuning.quartile, tuning.least_scale))
+        scale = F4(max(middle(errors, 0.25) / tuning.quartile, tuning.least_scale))
         size = (2 * tuning.unrest_radius + 1,) * 2
         share = cv2.blur(used.astype(F4), size)
         unrest = cv2.blur(np.minimum(error, F4(tuning.unrest_limit) * scale), size) / np.maximum(
@@ -275,8 +317,9 @@ class ThirdView:
         unrest = np.clip(unrest, 1, F4(tuning.unrest_limit)).astype(F4)
         self.coarse_light = np.stack([resized(each, self.coarse.disparity.shape[::-1])
                                       for each in local])
-        self.last_light = Light(pattern, colors, np.stack([self.framed(each) for each in local]),
-                                self.framed(unrest), scale)
+        for samples, out in zip((*local, unrest), self.local):
+            cv2.resize(samples, self.grid.nodes[::-1], out[inner], interpolation=cv2.INTER_LINEAR)
+        self.last_light = Light(pattern, colors, self.local[:3], self.local[3], scale)
         return self.last_light
 
     def sharpest(self, u, v, variance, column, row):
@@ -304,27 +347,14 @@ class ThirdView:
                 break
         return best
 
-    def framed(self, samples):
-        """Return thin samples at all nodes, framed float32."""
-        out = np.ones(self.grid.shape, F4)
-        out[self.grid.inner] = cv2.resize(samples, self.grid.nodes[::-1],
-                                          interpolation=cv2.INTER_LINEAR)
-        return out
-
-    def linearize(self, solver, planes, light, tiles, region, misfit, known):
-        """
-        Write solver.linearized and misfit, framed, of the region of some tiles at planes.
-
-        known : Linearized, is added.
-
-        """
-        left, projected = self.views.left, self.projected
-        linearize_sweep(left.u, left.v, left.variance, light.pattern.image, projected.size,
-                        light.colors, light.local, light.unrest, projected.sweep, planes.d,
-                        tiles, region, F4(TUNING.use.robust_misfit), light.scale, self.phase,
-                        solver.reference, known.weight, known.moment, solver.linearized.weight,
-                        solver.linearized.moment, misfit)
-        return solver.linearized
+    def linearize(self, listed, light):
+        """Write the linearized nodes and the misfit of listed nodes at the planes; return them."""
+        mine, projected, own = self.planes, self.projected, self.solver.linearized
+        linearize_sweep(listed.nodes, listed.told, light.pattern.image, projected.size,
+                        light.colors, projected.sweep, mine.d.reshape(-1),
+                        F4(TUNING.use.robust_misfit), self.phase, self.solver.reference,
+                        own.weight.reshape(-1), own.moment.reshape(-1), mine.misfit.reshape(-1))
+        return own
 
     @property
     def phase(self):
@@ -345,53 +375,43 @@ class ThirdView:
             axis=(1, 3))
         return np.ascontiguousarray(tiles[count.ravel() > 0])
 
-    def region_of(self, wanted):
-        """Return the nodes that are looked at: those wanted and those around, bool framed."""
-        size = (2 * TUNING.use.reach + 1,) * 2
-        return cv2.dilate(wanted.view(np.uint8), np.ones(size, np.uint8)).view(bool)
-
-    def fill(self, planes, firm, light, linearized, pair, region):
-        """Search and fit the nodes of a region; firm nodes anchor them."""
-        tiles = self.tiles_with(region)
-        mine, solver, known = self.planes, self.solver, self.known
+    def fill(self, planes, firm, witness, light, linearized, pair, region):
+        """Search and fit the nodes of a region without firm ones; firm nodes anchor them."""
+        mine, solver, own = self.planes, self.solver, self.solver.linearized
         seeds = self.search.search(
             light.pattern.coarse_image, self.projected.size, light.colors, self.coarse_light,
             self.coarse_known(planes, firm), self.coarsened(region) > 0, self.projected.sweep)
         mine.seed(seeds)
-        for own, given in zip((mine.d, mine.a, mine.b), (planes.d, planes.a, planes.b)):
-            np.copyto(own, given, where=firm)
-        for own, told, given in zip((solver.linearized.weight, solver.linearized.moment),
-                                    (known.weight, known.moment),
-                                    (linearized.weight, linearized.moment)):
-            np.multiply(given, firm, out=told)  # firm nodes tell what the two cameras know, too
-            np.copyto(own, told)  # also beyond the tiles, where nothing of another pair is left
-        mine.misfit.fill(np.nan)
+        anchor_nodes(firm, witness, planes.d, planes.a, planes.b, linearized.weight,
+                     linearized.moment, F4(TUNING.use.misfit_cap), mine.d, mine.a, mine.b,
+                     own.weight, own.moment, mine.misfit, self.cost)
+        listed, tiles = self.listed(0, region, light), self.tiles_with(region)
         for turn, steps in enumerate(TUNING.use.steps):
-            if steps:
-                self.propagate(light, tiles, region, steps)
-            own = self.linearize(solver, mine, light, tiles, region, mine.misfit, known)
-            solver.fit(own, self.views, mine, pair, tiles, turn)
+            for step in steps:
+                self.propagate(light, listed, region, step)
+            solver.fit(self.linearize(listed, light), self.views, mine, pair, tiles, turn)
         # the misfit stays that before the last fit
 
-    def propagate(self, light, tiles, region, steps):
-        """Let the nodes of a region try the planes of their neighbors."""
-        mine, cap = self.planes, F4(TUNING.use.misfit_cap)
+    def propagate(self, light, listed, region, step):
+        """Let the nodes of a region try the planes of their neighbors, unless theirs fits."""
+        mine, settled = self.planes, F4(TUNING.use.settled_misfit)
         kernel = np.ones((3, 3), np.uint8)
 
-        def windows(step_y, step_x):
-            self.misfits(mine, light, step_y, step_x, tiles, region, self.cost)
-            return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel)
+        def windows(out=None):
+            return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel, out)
 
-        for step in steps:
-            self.cost.fill(cap)
-            best = windows(0, 0)
-            tried = [(dy * step, dx * step) for dy, dx in NEIGHBORS]
-            costs = [windows(*each) for each in tried]
-            with mine.rewriting(keep_unwritten=True) as (old, new):
-                for (dy, dx), cost in zip(tried, costs):
-                    take_better(old.d, old.a, old.b, dy, dx, tiles, cost, best, new.d, new.a,
-                                new.b)
-            mine.cost[...] = best
+        self.misfits(mine, light, 0, 0, listed, self.cost)
+        best = windows()
+        open_nodes = (best > settled) & region
+        around = cv2.dilate(open_nodes.view(np.uint8), np.ones((5, 5), np.uint8)).view(bool)
+        few = self.listed(1, around & region, light)
+        for (dy, dx), out in zip(NEIGHBORS, self.costs):
+            self.misfits(mine, light, dy * step, dx * step, few, self.cost)
+            windows(out)
+        with mine.rewriting(keep_unwritten=False) as (old, new):
+            take_best(old.d, old.a, old.b, step, self.costs, best, open_nodes, new.d, new.a,
+                      new.b)
+        mine.cost[...] = best
 
     def coarsened(self, nodes):
         """Return the means of coarse nodes, float32 (h, w), of numbers of nodes, framed."""
