@@ -50,7 +50,7 @@ SURFACE = (
     {'matching.refinements': 3}, {'matching.refinements': 6, 'matching.min_confidence': 0.3},
     {'matching.min_segment': 0}, {'matching.min_segment': 2000},
     {'matching.row_alignment': 'off'}, {'matching.row_alignment': 'measure'},
-    {'matching.third_view': 'automatic'},
+    {'matching.third_view': 'off'},
     {'range.min_depth': 0.45, 'range.max_depth': 0.52},
     {'range.min_depth': 0.15, 'range.max_depth': 20.0},
     {'pattern.type': 'unknown'}, {'pattern.cycles': 5}, {'pattern.cycles': 16},

@@ -125,10 +125,10 @@ class MatchingSettings(Group):
         'are measured from each pair; correct: measured, and the rows of the right view are '
         'corrected', choices=('off', 'measure', 'correct'), off='off', method='surface')
     third_view: str = setting(
-        'off', 'surface method: the projector as a third view, which measures where the right '
-        'camera sees nothing and bears witness elsewhere; off: two cameras only; automatic: once '
-        'the projector is found, under a pattern that never repeats; a pair then takes about '
-        'twice the time', choices=('off', 'automatic'), off='off', method='surface')
+        'automatic', 'surface method: the projector as a third view, which measures where the '
+        'right camera sees nothing and bears witness elsewhere; off: two cameras only, in about '
+        'half of the time; automatic: once the projector is found, under a pattern that never '
+        'repeats', choices=('off', 'automatic'), off='off', method='surface')
     min_segment: int = setting(
         120, 'surface method: smallest area of connected ranges; smaller islands are dropped, '
         'dark ones earlier', unit='px', minimum=0, maximum=1000000)
