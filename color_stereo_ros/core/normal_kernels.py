@@ -65,8 +65,9 @@ def fit_slopes(d, a, b, reach, down, along, shift, gate, bend, offset, ridge, sl
     A node up to reach away, every down-th row, every along-th column, every other row shifted by
     shift, counts if its plane comes within a limit of the disparity here, and the plane here,
     where there is one, within this limit of its disparity. The limit is gate + bend (i^2 + j^2)
-    (d - offset). Least squares of c + A i + B j; ridge times the squared difference from the mean slopes of those
-    nodes is added. A slope is NaN where no node counts. The arrays d, a, b are framed by reach.
+    (d - offset). Least squares of c + A i + B j; ridge times the squared difference from the mean
+    slopes of those nodes is added. A slope is NaN where no node counts. The arrays d, a, b are
+    framed by reach.
 
     slope_a, slope_b: float32 (rows, columns).
 
