@@ -100,8 +100,9 @@ def captured(rig, meanwhile=lambda: None):
 
 def judge(figures, name, outcomes):
     """Ask that all captures succeeded, each with a pair from after its call."""
-    early = [called - exposed for called, exposed, answer in outcomes
-             if answer.success and exposed < called]
+    early = [f'{(called - exposed) / 1e6:.1f} ms: {answer.message}'
+             for called, exposed, answer in outcomes if answer.success and exposed < called]
+    print(*early, sep='\n')  # shown where the figure misses its goal
     failed = [answer.message for _, _, answer in outcomes if not answer.success]
     figures(f'capture over DDS, {name}: pairs from before the call', len(early), 'pairs',
             over=len(outcomes), at_most=0)

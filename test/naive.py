@@ -250,7 +250,7 @@ def place_patch(image, pattern, pixel, place, affine, rounds, farthest, half, da
     return np.array([*at, spread, 1 - error @ error / np.sum(own ** 2)])
 
 
-def fitted_slopes(disparity, reach, stride, gate, ridge):
+def fitted_slopes(disparity, lattice, limits, ridge):
     """
     Return the slopes of the disparity on nodes of 2 x 2 pixels, rows of (a, b), px per node.
 
@@ -261,8 +261,30 @@ def fitted_slopes(disparity, reach, stride, gate, ridge):
     rows, columns = disparity.shape[0] // 2, disparity.shape[1] // 2
     nodes = {(j, i): _node_plane(disparity[2 * j:2 * j + 2, 2 * i:2 * i + 2].astype(float))
              for j in range(rows) for i in range(columns)}
-    return [[_slopes_at(nodes, j, i, reach, stride, gate, ridge) for i in range(columns)]
+    reach, down, along, shift = lattice
+    places = [(dj, di) for row, dj in enumerate(range(-reach, reach + 1, down))
+              for di in range(-reach + shift * (row % 2), reach + 1, along)]
+    return [[_slopes_at(nodes, j, i, places, limits, ridge) for i in range(columns)]
             for j in range(rows)]
+
+
+def slopes_at_pixel(slopes, v, u):
+    """Return (a, b) of a pixel, px per node: see `core.normal_kernels.write_normals`."""
+    rows, columns = len(slopes), len(slopes[0])
+    j, i = min(v // 2, rows - 1), min(u // 2, columns - 1)
+    found = np.array(slopes[j][i])
+    for off, dj, di in (((v - 2 * j - 0.5) / 2, 1, 0), ((u - 2 * i - 0.5) / 2, 0, 1)):
+        around = [slopes[min(max(j + sign * dj, 0), rows - 1)][min(max(i + sign * di, 0),
+                                                                  columns - 1)]
+                  for sign in (-1, 1)]
+        for k in (0, 1):
+            here = slopes[j][i][k]
+            changes = [change for change in (here - around[0][k], around[1][k] - here)
+                       if np.isfinite(change)]
+            if not any(change < 0 for change in changes) or all(
+                    change < 0 for change in changes):
+                found[k] += off * min(changes, key=abs, default=0.0)
+    return found
 
 
 def _node_plane(block):
@@ -276,20 +298,20 @@ def _node_plane(block):
     return mean(block.ravel()), a if known else np.nan, b if known else np.nan
 
 
-def _slopes_at(nodes, j, i, reach, stride, gate, ridge):
+def _slopes_at(nodes, j, i, places, limits, ridge):
     """Return (a, b) of one node."""
     d, a, b = nodes[j, i]
     equations, values, slopes = [], [], []
-    for dj in range(-reach, reach + 1, stride):
-        for di in range(-reach, reach + 1, stride):
-            other, its_a, its_b = nodes.get((j + dj, i + di), (np.nan,) * 3)
-            if not abs(other - d - its_a * di - its_b * dj) <= gate:
-                continue
-            if np.isfinite(a) and not abs(other - d - a * di - b * dj) <= gate:
-                continue
-            equations.append([1.0, di, dj])
-            values.append(other - d)
-            slopes.append([its_a, its_b])
+    for dj, di in places:
+        other, its_a, its_b = nodes.get((j + dj, i + di), (np.nan,) * 3)
+        gate = limits[0] + limits[1] * (di ** 2 + dj ** 2) * (d - limits[2])
+        if not abs(other - d - its_a * di - its_b * dj) <= gate:
+            continue
+        if np.isfinite(a) and not abs(other - d - a * di - b * dj) <= gate:
+            continue
+        equations.append([1.0, di, dj])
+        values.append(other - d)
+        slopes.append([its_a, its_b])
     if not equations:
         return np.nan, np.nan
     mean = np.mean(slopes, axis=0)

@@ -5,26 +5,18 @@ from array import array
 from contextlib import contextmanager
 import os
 from pathlib import Path
-from random import SystemRandom
 import signal
 import subprocess
 import sys
 import time
 
-WORKERS = 4
-"""Most processes that share the tests, as in the Makefile."""
-
-
-def own_domain():
-    """Return a random domain, 1 .. 100, that no other worker of this run has."""
-    worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
-    return str(1 + worker % WORKERS + WORKERS * SystemRandom().randrange(100 // WORKERS))
-
+from color_stereo_ros.nodes.domains import own_domain
 
 # Chosen before ROS is imported: these tests hear nobody else, and nobody hears them.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-# (A process that a test starts finds the domain in its environment.)
-os.environ['ROS_DOMAIN_ID'] = os.environ.setdefault('COLOR_STEREO_TEST_DOMAIN', own_domain())
+if 'COLOR_STEREO_TEST_DOMAIN' not in os.environ:  # else a test has started this process
+    os.environ['COLOR_STEREO_TEST_DOMAIN'] = str(own_domain())
+os.environ['ROS_DOMAIN_ID'] = os.environ['COLOR_STEREO_TEST_DOMAIN']
 os.environ['PYTHONUNBUFFERED'] = '1'
 
 from color_stereo_ros.core import StereoCalibration  # noqa: E402

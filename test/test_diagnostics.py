@@ -142,6 +142,25 @@ def gray(images):
             for side, image in images.items()}
 
 
+@pytest.mark.parametrize('change, level', [
+    (gray, DiagnosticStatus.OK),
+    (lambda images: {side: image + np.uint8(120) for side, image in dark(images).items()},
+     DiagnosticStatus.WARN)])
+def test_gray_cameras_are_a_warning_only_while_there_are_few_ranges(rig, change, level):
+    assert rig.set_parameters(matching__method='surface', pattern__type='hue_field').successful
+    subscription = rig.listen(Image, 'depth/image')
+    rig.images = change(rig.images)
+    parts = rig.feed(lambda p: 'gray' in values_of(p['pattern']).get('seen', '')
+                     and p['pattern'].level == level, 'gray cameras')
+    told = values_of(parts['pattern'])['seen']
+    assert (told in parts['pattern'].message) == (level == DiagnosticStatus.WARN)
+    rig.spin_until(lambda: told in rig.process.text(), 'the log')  # the same text once in 5 s
+    rig.images = dict(zip(('left', 'right'), scene()))
+    rig.feed(lambda p: 'gray' not in values_of(p['pattern']).get('seen', 'gray'), 'colors')
+    assert rig.set_parameters(matching__method='paper', pattern__type='sweep').successful
+    rig.node.destroy_subscription(subscription)
+
+
 @pytest.mark.parametrize('change, words', [
     (lambda images: {**images, 'left': gray(images)['left']},
      'the left image is gray, the other one is not: a mono camera'),

@@ -20,6 +20,7 @@ from color_stereo_ros.files.cloud import save_cloud
 from color_stereo_ros.messages.calibration_watch import CalibrationWatch
 from color_stereo_ros.messages.contents import CompressedImage, Header
 from color_stereo_ros.messages.synchronizer import Pair
+from color_stereo_ros.nodes import domains
 from color_stereo_ros.nodes.complaints import Complaints
 from color_stereo_ros.nodes.environment import defaults, fast_dds_is_known, LOCAL_PROFILE, PROFILE
 from color_stereo_ros.nodes.sensor import worker as worker_module
@@ -463,6 +464,21 @@ def test_a_doubt_is_said_once_while_it_lasts():
     assert said[0].startswith('left and right image swapped?')
 
 
+def test_gray_cameras_are_told_once_with_advice_and_are_no_doubt():
+    said, clock = [], Clock()
+    doubts = Doubts(said.append, clock)
+    left, right = (np.repeat(image[..., 1:2], 3, axis=2) for image in scene())
+    for _ in range(5):
+        clock.now += 3.0
+        doubts.look(CountedStereo(0.9), left, right, SimpleNamespace(
+            density=1.0, status=np.zeros((4, 4), np.uint8), alignment=None, image=left,
+            rival_share=0.0))
+    assert doubts.pattern.gray and doubts.pattern.agrees is None and doubts.current == []
+    assert said == [doubts.pattern.sentence]
+    assert said[0].startswith('both cameras are gray: the brightness of the pattern is matched')
+    assert said[0].endswith('pseudo_noise suits gray cameras better than hue_field')
+
+
 def test_rows_that_disagree_are_told_once_whatever_the_number():
     said = []
     doubts = Doubts(said.append, Clock())
@@ -490,6 +506,35 @@ def test_small_structures_of_the_pattern_are_told_once(monkeypatch):
         held.append(len(doubts.current))
     assert held == [1, 1, 1, 0, 0] and len(said) == 1
     assert 'set pattern.feature_size to 10 instead of 9' in said[0]
+
+
+# ---- domains
+
+CLAIM = 'from color_stereo_ros.nodes.domains import own_domain; print(own_domain(), flush=True)'
+
+
+def test_processes_that_run_at_a_time_have_different_domains():
+    processes = [subprocess.Popen([sys.executable, '-c', f'{CLAIM}; input()'], text=True,
+                                  stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+                 for _ in range(3)]
+    found = [int(process.stdout.readline()) for process in processes]
+    for process in processes:
+        process.communicate('\n')
+    assert len(set(found)) == 3 and all(1 <= domain <= 100 for domain in found)
+
+
+def test_a_domain_that_is_claimed_or_where_somebody_listens_is_not_given_out(monkeypatch):
+    monkeypatch.setattr(domains, '_held', [])
+    taken = {7400 + 250 * 7 + 249, 7400 + 250 * 3 + 10}
+    bound = domains._bound
+    monkeypatch.setattr(domains, '_bound', lambda port: None if port in taken else bound(0))
+    monkeypatch.setattr(domains, 'LAST', 7)
+    assert {domains.own_domain() for _ in range(40)} == {1, 2, 4, 5, 6}
+    taken.update(range(7400, 7400 + 250 * 8))
+    with pytest.raises(OSError, match='all ROS domains 1 .. 7 of this machine are in use'):
+        domains.own_domain()
+    for claim in domains._held:
+        claim.close()
 
 
 # ---- help

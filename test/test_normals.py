@@ -3,9 +3,9 @@
 
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.cameras.geometry import RectifiedGeometry
-from color_stereo_ros.core.normals import GATE, normals_of, REACH, RIDGE, STRIDE
+from color_stereo_ros.core.normals import BEND, GATE, normals_of, PLANES, RIDGE
 
-from naive import fitted_slopes
+from naive import fitted_slopes, slopes_at_pixel
 import numpy as np
 import pytest
 
@@ -150,11 +150,11 @@ def test_the_fit_is_that_of_the_loops():
     disparity = (20 + 0.1 * u - 0.05 * v + 0.002 * u * v % 3
                  + 0.05 * rng.standard_normal(shape)).astype(np.float32)
     disparity[rng.random(shape) < 0.15] = np.nan
-    slopes = fitted_slopes(disparity, REACH, STRIDE, GATE, RIDGE)
+    slopes = fitted_slopes(disparity, PLANES, (GATE, BEND, 0.0), RIDGE)
     found = normals_of(disparity, geometry, True)
     for row in range(shape[0]):
         for column in range(shape[1]):
-            a, b = slopes[min(row // 2, 9)][min(column // 2, 34)]
+            a, b = slopes_at_pixel(slopes, row, column)
             value = disparity[row, column]
             normal = np.array([a / 2 * 60.0, b / 2 * 63.0,
                                value - (column - 30.0) * a / 2 - (row - 11.0) * b / 2])

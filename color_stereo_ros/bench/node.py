@@ -11,13 +11,13 @@ JSON; prints one line of JSON.
 import json
 import os
 from pathlib import Path
-from random import SystemRandom
 import re
 import subprocess
 import sys
 import tempfile
 import time
 
+from ..nodes.domains import own_domain
 from ..nodes.live import LiveError, Processes, ros_node
 
 SETTLE = 2.0     # s of pairs that do not count, and of waiting for the last answers
@@ -61,7 +61,7 @@ def measured(folder, rates, seconds, environment=None, topic='points'):
         [sys.executable, '-m', 'color_stereo_ros.bench.node', json.dumps(order)],
         stdout=subprocess.PIPE, text=True,
         env={**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-             'ROS_DOMAIN_ID': str(SystemRandom().randint(1, 100)), **(environment or {})})
+             'ROS_DOMAIN_ID': str(own_domain()), **(environment or {})})
     if ran.returncode:
         raise LiveError(f'the process that measures range_node ended with status {ran.returncode}')
     return json.loads(ran.stdout.splitlines()[-1])

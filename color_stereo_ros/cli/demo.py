@@ -23,11 +23,13 @@ def run(args):
     """Measure every sample, write the results and the page, print where it is."""
     import os
     from pathlib import Path
-    from random import SystemRandom
+
+    from ..nodes.domains import own_domain
 
     # Chosen before ROS is imported. The nodes of the demo and other nodes must not connect.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    os.environ.setdefault('ROS_DOMAIN_ID', str(SystemRandom().randint(1, 100)))
+    if 'ROS_DOMAIN_ID' not in os.environ:
+        os.environ['ROS_DOMAIN_ID'] = str(own_domain())
     from ..demo.run import Demo
     page = Demo(Path(args.samples), Path(args.output), args.wait).run()
     print(f'\nThe page is ready: {page.resolve()}')

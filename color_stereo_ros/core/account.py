@@ -128,6 +128,11 @@ def doubts_about_images(left, right):
     return doubts
 
 
+def are_gray(left, right):
+    """Return whether neither of two raw RGB images, uint8 (H, W, 3), has colors."""
+    return _is_gray(left) and _is_gray(right)
+
+
 def _is_gray(image):
     brightest = image.max(axis=2)
     colorless = brightest - image.min(axis=2) <= TUNING.gray_difference

@@ -4,7 +4,7 @@
 import re
 import time
 
-from .account import (doubt_about_ranges, doubt_about_rivals, doubts_about_features,
+from .account import (are_gray, doubt_about_ranges, doubt_about_rivals, doubts_about_features,
                       doubts_about_images, doubts_about_order, doubts_about_rows, exposure_of,
                       status_shares, SUSPICIOUS)
 from .patterns.seen import pattern_seen
@@ -40,6 +40,7 @@ class Doubts:
         self._warn = warn
         self._clock = clock
         self._images, self._features, self._order, self._rivals = [], [], [], []
+        self._notes = []
         self._kinds = set()
         self._images_due = self._sight_due = self._order_due = -float('inf')
         self._wait = _PERIOD
@@ -75,7 +76,10 @@ class Doubts:
             self.exposure = exposure_of(
                 left[::_ROWS, ::_COLUMNS], right[::_ROWS, ::_COLUMNS],
                 stereo.settings.color.saturation_level)
-            self.pattern = pattern_seen(result.image, stereo.settings.pattern)
+            gray = are_gray(left[::_ROWS, ::_COLUMNS], right[::_ROWS, ::_COLUMNS])
+            self.pattern = pattern_seen(result.image, stereo.settings.pattern, gray)
+            # gray cameras are legal: they are said, but no doubt that lasts
+            self._notes = [self.pattern.sentence] if self.pattern.gray else []
         if result.density >= SUSPICIOUS:
             self._order, self._order_due, self._wait = [], -float('inf'), _PERIOD
         elif self._clock() >= self._order_due:
@@ -99,7 +103,7 @@ class Doubts:
         if result.density < SUSPICIOUS:  # to count all codes takes a while
             few = doubt_about_ranges(status_shares(result.status))
         doubts = {re.sub(r'[\d.]+', '', re.split('[;:?(]', doubt)[0]): doubt
-                  for doubt in (*doubts_about_rows(result), *self.current,
+                  for doubt in (*doubts_about_rows(result), *self.current, *self._notes,
                                 *filter(None, [few]))}
         for kind in doubts.keys() - self._kinds:
             self._warn(doubts[kind])

@@ -57,14 +57,17 @@ def read_planes(disparity, pad, d, a, b):
 
 
 @serial(fastmath=FAST)
-def fit_slopes(d, a, b, reach, stride, gate, ridge, slope_a, slope_b):
+def fit_slopes(d, a, b, reach, down, along, shift, gate, bend, offset, ridge, slope_a,
+               slope_b):
     """
     Fit a plane to the disparities of the nodes around every node.
 
-    A node up to reach away, every stride-th, counts if its plane comes within gate of the
-    disparity here, and the plane here, where there is one, within gate of its disparity. Least
-    squares of c + A i + B j; ridge times the squared difference from the mean slopes of those
-    nodes is added. A slope is NaN where no node counts. The arrays d, a, b are framed by reach.
+    A node up to reach away, every down-th row, every along-th column, every other row shifted by
+    shift, counts if its plane comes within a limit of the disparity here, and the plane here,
+    where there is one, within this limit of its disparity. The limit is gate + bend (i^2 + j^2)
+    (d - offset). Least squares of c + A i + B j; ridge times the squared difference from the mean
+    slopes of those nodes is added. A slope is NaN where no node counts. The arrays d, a, b are
+    framed by reach.
 
     slope_a, slope_b: float32 (rows, columns).
 
@@ -83,9 +86,11 @@ def fit_slopes(d, a, b, reach, stride, gate, ridge, slope_a, slope_b):
             for x in range(LENGTH):
                 n[x] = si[x] = sj[x] = sii[x] = sij[x] = sjj[x] = F4(0)
                 sd[x] = sid[x] = sjd[x] = sa[x] = sb[x] = F4(0)
-            for j in range(-reach, reach + 1, stride):
-                for i in range(-reach, reach + 1, stride):
+            for j in range(-reach, reach + 1, down):
+                first = (j + reach) // down % 2 * shift - reach
+                for i in range(first, reach + 1, along):
                     fi, fj = F4(i), F4(j)
+                    bent = bend * (fi * fi + fj * fj)
                     at = begin + i
                     there = d[y + reach + j, at:at + count]
                     their_a = a[y + reach + j, at:at + count]
@@ -94,8 +99,10 @@ def fit_slopes(d, a, b, reach, stride, gate, ridge, slope_a, slope_b):
                         rise = there[x] - here[x]
                         backward = abs(rise - their_a[x] * fi - their_b[x] * fj)
                         forward = abs(rise - own_a[x] * fi - own_b[x] * fj)
+                        limit = gate + bent * (here[x] - offset)
                         # False where a plane is unknown
-                        counts = (backward <= gate) & ((forward <= gate) | (own_a[x] != own_a[x]))
+                        counts = (backward <= limit) & (
+                            (forward <= limit) | (own_a[x] != own_a[x]))
                         weight = F4(1) if counts else F4(0)
                         rise = rise if counts else F4(0)
                         n[x] += weight
@@ -124,6 +131,22 @@ def fit_slopes(d, a, b, reach, stride, gate, ridge, slope_a, slope_b):
                 slope_a[y, start + x], slope_b[y, start + x] = n[x], sd[x]
 
 
+@part()
+def change_of(before, here, after):
+    """
+    Return the smaller one of the two changes along three numbers (minmod).
+
+    0 where they have opposite signs or both are unknown; where one is unknown, the other one.
+
+    """
+    back, forth = here - before, after - here
+    if back * forth < F4(0):
+        return F4(0)
+    if (back != back) or (abs(forth) < abs(back)):
+        back = forth
+    return back if back == back else F4(0)
+
+
 @serial()
 def write_normals(disparity, slope_a, slope_b, offset, focal_x, focal_y, center_x, center_y,
                   normals):
@@ -132,18 +155,28 @@ def write_normals(disparity, slope_a, slope_b, offset, focal_x, focal_y, center_
 
     A plane n X = c has d - offset = f B / Z = f B / c n (x, y, 1) with x = (u - center_x) /
     focal_x, y likewise. Thus n is parallel to (focal_x d_u, focal_y d_v, d - offset -
-    (u - center_x) d_u - (v - center_y) d_v); d_u, d_v: slopes of the disparity, px per px.
+    (u - center_x) d_u - (v - center_y) d_v); d_u, d_v: slopes of the disparity, px per px. Within
+    a node they change as towards the neighbor whose slopes differ less: an edge lies on one side.
 
     """
     height, width = disparity.shape
     rows, columns = slope_a.shape
     for v in range(height):
-        down = F4(v) - center_y
-        row_a, row_b = slope_a[min(v // 2, rows - 1)], slope_b[min(v // 2, rows - 1)]
+        down, y = F4(v) - center_y, min(v // 2, rows - 1)
+        row_a, row_b = slope_a[y], slope_b[y]
+        above, below = max(y - 1, 0), min(y + 1, rows - 1)
+        off_y = F4(0.5) * F4(v - 2 * y) - F4(0.25)
         line, out = disparity[v], normals[v]
         for u in range(width):
             x = min(u // 2, columns - 1)
-            across, along = F4(0.5) * row_a[x], F4(0.5) * row_b[x]
+            before, after = max(x - 1, 0), min(x + 1, columns - 1)
+            off_x = F4(0.5) * F4(u - 2 * x) - F4(0.25)
+            across = F4(0.5) * (
+                row_a[x] + off_x * change_of(row_a[before], row_a[x], row_a[after])
+                + off_y * change_of(slope_a[above, x], row_a[x], slope_a[below, x]))
+            along = F4(0.5) * (
+                row_b[x] + off_x * change_of(row_b[before], row_b[x], row_b[after])
+                + off_y * change_of(slope_b[above, x], row_b[x], slope_b[below, x]))
             n_x, n_y = focal_x * across, focal_y * along
             n_z = line[u] - offset - (F4(u) - center_x) * across - down * along
             scale = F4(-1) / np.sqrt(n_x * n_x + n_y * n_y + n_z * n_z)

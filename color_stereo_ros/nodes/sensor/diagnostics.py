@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 
 from ...core.account import (
     doubt_about_projector, doubt_about_ranges, doubt_about_rivals, doubts_about_rows,
-    rows_in_words, status_shares)
+    rows_in_words, status_shares, SUSPICIOUS)
 from ...core.patterns.seen import Seen
 from ...errors import bounded
 from ...messages.synchronizer import SIDES
@@ -218,7 +218,8 @@ def _pattern(sensor):
     seen = _seen(sensor)
     if seen is not None:
         values['seen'] = seen.sentence
-        doubt = None if seen.agrees is not False else seen.sentence
+        few = seen.gray and result is not None and result.density < SUSPICIOUS
+        doubt = seen.sentence if seen.agrees is False or few else None
     if track is not None:
         values |= _projector(track)
         doubt = doubt or doubt_about_projector(track, shown=watch.known and not watch.mismatch)
