@@ -293,6 +293,15 @@ def test_every_module_and_public_name_has_a_docstring():
     assert breaches(SOURCES, without) == {}
 
 
+def test_lines_of_source_have_at_most_99_columns():
+    folders = PACKAGE, PACKAGE.parent / 'test', PACKAGE.parent / '.ci'
+    long = [f'{path.relative_to(PACKAGE.parent)}:{number}'
+            for folder in folders for path in sorted(folder.rglob('*.py'))
+            for number, line in enumerate(path.read_text(encoding='utf-8').splitlines(), 1)
+            if len(line) > 99]
+    assert not long
+
+
 def test_every_source_begins_with_its_license():
     def first_lines(name):
         return (PACKAGE / name).read_text(encoding='utf-8').splitlines()[:2]

@@ -235,9 +235,9 @@ def test_unknown_constants_are_refused():
 def test_a_method_obeys_its_tuning():
     calibration = some_calibration()
     left, right = np.random.default_rng(1).integers(0, 255, (2, 48, 64, 3)).astype(np.uint8)
-    found = []
+    settings, found = Settings().updated({'matching.third_view': 'off'}), []
     for values in ({}, {'trust.odds_offset': 100.0}):
-        method = SurfaceMethod(Settings(), calibration, (2, 30), tuning=replaced(TUNING, values))
+        method = SurfaceMethod(settings, calibration, (2, 30), tuning=replaced(TUNING, values))
         found.append(method.measure(left, right, Clock()).confidence.mean())
     assert found[1] > found[0]
 

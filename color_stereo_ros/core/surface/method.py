@@ -496,8 +496,9 @@ class SurfaceMethod:
         """
         Return whether both views show the pattern in faint colors, which have then been raised.
 
-        This is asked where the colors as they are seem to repeat. The tint and the noise of a gray pattern are faint, too. Raised, they match nowhere or at
-        many places, and the views stay as they are.
+        This is asked where the colors as they are seem to repeat. The tint and the noise of a
+        gray pattern are faint, too. Raised, they match nowhere or at many places, and the views
+        stay as they are.
 
         """
         kept = views.raise_faint_colors()

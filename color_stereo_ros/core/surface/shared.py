@@ -112,7 +112,7 @@ class SharedErrors:
         return error * (part / steepness) ** 2
 
     def root_mean(self, errors, known):
-        """Return the mean of the roots of errors in the surroundings: few large ones count less."""
+        """Return the mean of the roots of errors around a node: few large ones count less."""
         around = (self.tuning.surroundings,) * 2
         roots = cv2.blur(np.where(known, np.sqrt(errors), F4(0)), around)
         return roots / np.maximum(cv2.blur(known.astype(F4), around), F4(self.tuning.least_share))

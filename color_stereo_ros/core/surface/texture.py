@@ -144,8 +144,8 @@ def likeness(images, disparity, window):
     """
     Return how alike two images are around the matches, float32 (h, w), -1 .. 1.
 
-    The normalized cross-correlation of the brightness in windows; NaN where there is no match. Places without
-    contrast are not alike.
+    The normalized cross-correlation of the brightness in windows; NaN where there is no match.
+    Places without contrast are not alike.
 
     Parameters
     ----------

@@ -212,8 +212,8 @@ class ViewTuning(Constants):
         chosen('Other contents explain .04. Smaller ones are found from matches.'), off=math.inf)
     sample_step: int = constant(
         5, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
-        chosen('Odd, so that all pixels of a mosaic count alike. Of 16 px, the means of a view with '
-               'few lit pixels were off by 15 %.'))
+        chosen('Odd, so that all pixels of a mosaic count alike. Of 16 px, the means of a view '
+               'with few lit pixels were off by 15 %.'))
     sample_rows: int = constant(
         32, '1', 'Rows and columns that the samples have at least in small images.',
         unexplained('Images below 512 px are sampled more densely (9662ae5).'))
@@ -230,13 +230,13 @@ class ViewTuning(Constants):
         0.12, '1', 'Difference of the log channel balance of two cameras that share their gains.',
         unexplained('Cameras of one type stay below it under an aperiodic pattern (61b5d22).'))
     unlike_contrast: float = constant(
-        2.5, '1', 'Ratio of the contrasts of the colors of both views from which the weaker one is '
-        'raised.', chosen('Gamma or crosstalk .15 in one camera: 1.4 to 1.9, which the color '
+        2.5, '1', 'Ratio of the contrasts of the colors of both views from which the weaker one '
+        'is raised.', chosen('Gamma or crosstalk .15 in one camera: 1.4 to 1.9, which the color '
                           'matrix mends. Crosstalk .3: 10, and no node matches.'), off=math.inf)
     left_contrast: float = constant(
         2.0, '1', 'Ratio of the contrasts that is left to the color matrix.',
-        chosen('1 and 1.5: no ranges on effector_bin, whose dim nodes then drown in noise; casting '
-               'and airplane .92 and .97 right with each of them.'))
+        chosen('1 and 1.5: no ranges on effector_bin, whose dim nodes then drown in noise; '
+               'casting and airplane .92 and .97 right with each of them.'))
     faint_contrast: float = constant(
         0.35, '1', 'Contrast of the colors of both views below which it is raised.',
         chosen('Crosstalk .2 in both: .42 to .45, raised right .876 -> .895 and .946 -> .940 '
@@ -945,8 +945,8 @@ class BrightnessTuning(Constants):
         chosen('Chance makes smaller ones; 14 x 14 px of the image. 8: disparities up to -212 px '
                'in one of those pairs.'))
     beyond_share: float = constant(
-        0.002, '1', 'Share of the matches of the small pair that may lie beyond the disparities on '
-        'either side.', chosen('0: disparities up to 47 px in two of those pairs.'))
+        0.002, '1', 'Share of the matches of the small pair that may lie beyond the disparities '
+        'on either side.', chosen('0: disparities up to 47 px in two of those pairs.'))
     disparity_margin: int = constant(
         12, 'px', 'Disparities that are searched beyond those of the small pair.',
         derived('Three columns of the small pair.'))
