@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import ImageError
 from .results import RangeResult
 from .status import Status
+from .status_codes import VALID
 from .triangulation import depth_from_disparity
 
 _AGREE = np.float32(1.0)
@@ -183,7 +184,7 @@ class Fusion:
 
     def _status_without(self, moved):
         """Return why the pixels without a range have none."""
-        status = np.where(self._status == Status.VALID, np.uint8(Status.INCONSISTENT),
+        status = np.where(self._status == VALID, np.uint8(Status.INCONSISTENT),
                           self._status)
         return np.where(moved, np.uint8(Status.MOVED), status)
 

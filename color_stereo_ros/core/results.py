@@ -10,7 +10,7 @@ from .cameras.geometry import RectifiedGeometry
 from .normals import normals_of
 from .projector.tracking import Track
 from .rows.alignment import Alignment
-from .status import Status
+from .status_codes import VALID
 from .triangulation import points_from_depth
 
 NORMALS = 'normal_x', 'normal_y', 'normal_z'
@@ -85,7 +85,7 @@ class RangeResult(Measurement):
     @property
     def density(self):
         """Return the share of all pixels that have a range, 0..1."""
-        return float(np.count_nonzero(self.status == Status.VALID)) / self.status.size
+        return float(np.count_nonzero(self.status == VALID)) / self.status.size
 
     def points(self):
         """

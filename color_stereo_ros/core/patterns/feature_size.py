@@ -81,10 +81,15 @@ def half_length(image):
     return below[0] - 1 + (high - 0.5) / (high - low)
 
 
+def channel_sum(image):
+    """Return the sum of the channels of an image, (H, W); faster than to reduce an axis of 3."""
+    return image[..., 0] + image[..., 1] + image[..., 2]
+
+
 def lag_sums(lines):
     """Return sums and counts of products of chromaticities at all lags, (2, LAGS + 1)."""
     light = lines.astype(np.float32)
-    total = light.sum(axis=2)
+    total = channel_sum(light)
     lit = total >= LEAST_LIGHT
     if not lit.any():
         return np.zeros((2, LAGS + 1))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ..settings import PatternSettings
-from .feature_size import LEAST_LIGHT, LEAST_VARIANCE
+from .feature_size import channel_sum, LEAST_LIGHT, LEAST_VARIANCE
 from .making import make_pattern
 from .registry import makable
 
@@ -122,7 +122,7 @@ def steps(image):
 def chromaticity(image):
     """Return the chromaticities of an image, float32 (H, W, 3), and what is lit, bool (H, W)."""
     light = image.astype(np.float32)
-    total = light.sum(axis=2)
+    total = channel_sum(light)
     return light / np.maximum(total, 1)[..., None], total >= LEAST_LIGHT
 
 
@@ -137,7 +137,7 @@ def change(color, lit):
     for lag in LAGS:
         both = lit[:, lag:] & lit[:, :-lag]
         if both.any():
-            step = np.abs(color[:, lag:] - color[:, :-lag]).sum(axis=2)[both]
+            step = channel_sum(np.abs(color[:, lag:] - color[:, :-lag]))[both]
             largest = max(largest, float(np.median(step)))
     return largest
 

@@ -9,6 +9,7 @@ import numpy as np
 from ...projector.patches import Measured, warm
 from ...projector.tracking import aged, missed, Track
 from ...status import Status
+from ...status_codes import VALID
 from .sweep import prepared_for
 from .tuning import TUNING
 
@@ -128,7 +129,7 @@ def nothing_of(measurement):
     """Return a Measurement of one that cannot be believed: no pixel has a range."""
     unknown = np.full_like(measurement.depth, np.nan)
     nothing = np.zeros_like(measurement.confidence)
-    status = np.where(measurement.status == Status.VALID, np.uint8(Status.IMPLAUSIBLE),
+    status = np.where(measurement.status == VALID, np.uint8(Status.IMPLAUSIBLE),
                       measurement.status)
     return replace(measurement, disparity=unknown, depth=unknown, disparity_std=unknown,
                    confidence=nothing, status=status, views=np.zeros_like(status))

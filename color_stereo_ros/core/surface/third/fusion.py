@@ -10,6 +10,7 @@ from ..grid_kernels import F4, PAD
 from ..trust import Verdict
 from ..trust_kernels import HOPELESS_ODDS as HOPELESS
 from ...status import Status
+from ...status_codes import VALID
 from .fusion_kernels import decide, gather_evidence, PROJECTOR, sort_nodes, weigh_forms
 from .sweep_kernels import cells_of_nodes, claim_cells, find_contested
 from .tuning import TUNING
@@ -36,7 +37,7 @@ class Fused:
         if (rows, columns) != (height, width):  # the last pixels have no node of their own
             pixels = cv2.copyMakeBorder(pixels, 0, height - rows, 0, width - columns,
                                         cv2.BORDER_REPLICATE)
-        return np.multiply(pixels, status == Status.VALID, out=pixels)
+        return np.multiply(pixels, status == VALID, out=pixels)
 
 
 class FusedPlanes:
