@@ -499,7 +499,7 @@ def test_small_structures_of_the_pattern_are_told_once(monkeypatch):
     doubts = Doubts(said.append, clock)
     left, right = scene()
     for _ in range(5):
-        clock.now += 1.0
+        clock.now += 2.0
         doubts.look(CountedStereo(0.9), left, right, SimpleNamespace(
             density=1.0, status=np.zeros((4, 4), np.uint8), alignment=None, image=left,
             rival_share=0.0))

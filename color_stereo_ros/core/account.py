@@ -142,8 +142,8 @@ def _is_gray(image):
 
 def _extremes(image):
     """Return least and largest channel of every pixel; faster than to reduce an axis of 3."""
-    channels = np.moveaxis(image, 2, 0)
-    return tuple(each(each(channels[0], channels[1]), channels[2]) for each in (np.minimum, np.maximum))
+    first, second, third = np.moveaxis(image, 2, 0)
+    return tuple(extreme(extreme(first, second), third) for extreme in (np.minimum, np.maximum))
 
 
 def _alternates(image):
