@@ -31,6 +31,8 @@ class Adjustment:
     parameters: StereoParameters
     matrix: np.ndarray
     """float64 (n, n): covariance of `parameters.vector`, poses and bend unknown."""
+    information: np.ndarray
+    """float64 (n + 2, n + 2): inverse of the covariance of the parameters and the bend."""
     bend: np.ndarray
     """float64 (2,), m: height of the middle of the board over its edges, along x and y."""
     bend_std: np.ndarray
@@ -233,14 +235,15 @@ def _result(problem, state, views, dropped):
     if number <= unknown:
         raise CalibrationError(UNDETERMINED)
     scale = np.sqrt(equations.cost / (number - unknown))
-    matrix = inverse_information(equations.information()) * scale**2
+    information = equations.information() / scale**2
+    matrix = inverse_information(information)
     _check_focal_lengths(state.parameters, matrix)
     return Adjustment(
-        parameters=state.parameters, matrix=matrix[:-2, :-2], bend=state.bend,
-        bend_std=np.sqrt(np.diag(matrix)[-2:]), scale=float(scale), views=tuple(views),
-        rotations=state.rotations, translations=state.translations,
-        residuals=problem.residuals(state), corners=problem.corners, kept=problem.kept,
-        dropped=dropped)
+        parameters=state.parameters, matrix=matrix[:-2, :-2],
+        information=information, bend=state.bend, bend_std=np.sqrt(np.diag(matrix)[-2:]),
+        scale=float(scale), views=tuple(views), rotations=state.rotations,
+        translations=state.translations, residuals=problem.residuals(state),
+        corners=problem.corners, kept=problem.kept, dropped=dropped)
 
 
 def _check_focal_lengths(parameters, matrix):

@@ -12,6 +12,8 @@ DAMPING = 1e-4, 1e-12, 1e12
 """Levenberg-Marquardt: first, least and largest; chosen: the usual ones."""
 STEPS = 100        # at most; a good start needs about ten
 CONVERGED = 1e-6   # decrease of the sum of squares: steps of a thousandth of a sigma
+WEAK = 10.0        # standard deviation of distortion coefficients before anything is seen: it
+#                    settles those of rational lenses that no image can tell apart
 SINGULAR = 1e-13   # least eigenvalue of the information, scaled to a unit diagonal
 
 
@@ -109,6 +111,14 @@ class Problem:
         self.count = count
         self.kept = {side: np.ones(len(corners[side].ids), bool) for side in SIDES}
         self.view_weights = np.ones(count)
+        self._prior = None
+
+    def prior(self, state):
+        """Return the information on each shared value before anything is seen, float64 (n,)."""
+        if self._prior is None or self._prior.size != state.shared.size:
+            self._prior = np.array(['D[' in name for name in state.parameters.names]
+                                   + [False, False]) / WEAK**2
+        return self._prior
 
     def residuals(self, state):
         """Return seen less projected pixels of both cameras, dict of float64 (m, 2)."""
@@ -118,7 +128,11 @@ class Problem:
     def cost(self, state):
         """Return the sum of the squared weighted residuals."""
         return sum(float((self._weights(side)**2 * (residuals**2).sum(1)).sum())
-                   for side, residuals in self.residuals(state).items())
+                   for side, residuals in self.residuals(state).items()) + self._beside(state)
+
+    def _beside(self, state):
+        """Return what the prior adds to the sum of squares."""
+        return float(self.prior(state) @ state.shared**2)
 
     def equations(self, state, free):
         """
@@ -132,9 +146,9 @@ class Problem:
 
         """
         parts = [self._rows(state, side, free) for side in SIDES]
-        cost = sum(float((residuals**2).sum()) for residuals, _, _ in parts)
-        number = int(free.sum())
-        shared, gradient = np.zeros((number, number)), np.zeros(number)
+        cost = sum(float((each**2).sum()) for each, _, _ in parts) + self._beside(state)
+        number, prior = int(free.sum()), self.prior(state)[free]
+        shared, gradient = np.diag(prior), -prior * state.shared[free]
         mixed, poses = np.zeros((self.count, number, 6)), np.zeros((self.count, 6, 6))
         pose_gradients = np.zeros((self.count, 6))
         for side, (residuals, by_shared, by_pose) in zip(SIDES, parts):
