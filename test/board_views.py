@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 SIZE = (640, 480)
-CORNERS = np.stack([*np.meshgrid(0.02 * np.arange(9), 0.02 * np.arange(6)),
-                    np.zeros((6, 9))], axis=-1).reshape(-1, 3)
+CORNERS = np.stack([*np.meshgrid(0.02 * np.arange(11), 0.02 * np.arange(8)),
+                    np.zeros((8, 11))], axis=-1).reshape(-1, 3)
+"""m; 12 x 9 squares of 20 mm, on A4."""
 TURN = np.radians(15.0)
 D = {'plumb_bob': [-0.1, 0.06, 0.0008, -0.0005, 0.01],
      'rational_polynomial': [0.2, 0.1, 0.0005, -0.0003, 0.02, 0.45, 0.1, 0.01],

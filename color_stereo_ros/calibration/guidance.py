@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
+from ..core.cameras.lenses import LENSES
 from .board_model import BoardModel, State
 from .least_squares import inverse_information, view_informations
 from .views import SIDES
@@ -218,7 +219,7 @@ class Guide:
         least = len(self.model.corners) if self.detectable.whole else min(
             self.detectable.least_corners, len(self.model.corners))
         for side in SIDES:
-            pixels = self._projected(state.of_views(chosen), side)[0]
+            pixels = _pixels(self.model, state.of_views(chosen), side)
             possible[chosen] &= self._inside(pixels, state.parameters.size).sum(1) >= least
         return possible
 
@@ -281,33 +282,42 @@ def _in_camera(model, state, side):
     return points @ matrix.T + state.parameters.translation, normals @ matrix.T
 
 
+def _pixels(model, state, side):
+    """Return the pixels (V, N, 2) of all corners, without derivatives."""
+    points, _ = _in_camera(model, state, side)
+    focal, center, D = np.split(getattr(state.parameters, side), [2, 4])
+    rays = (points[:, :, :2] / points[:, :, 2:]).reshape(-1, 2)
+    lens = LENSES[state.parameters.distortion_model]
+    return (lens.distort(rays, D) * focal + center).reshape(*points.shape[:2], 2)
+
+
 def _poses(parameters, corners):
     """Return rotations (V, 3, 3) and translations (V, 3) of a raster of poses, mixed."""
     middle = (corners.max(0) + corners.min(0)) / 2
     width = np.ptp(corners[:, 0])
     focal, center = parameters.left[:2], parameters.left[2:4]
     size = np.array(parameters.size)
-    found = []
-    for share in SHARES:
-        depth = focal[0] * width / (share * size[0])
-        for place in np.stack(np.meshgrid(PLACES, PLACES), -1).reshape(-1, 2):
-            ray = np.append((place * size - center) / focal, 1.0)
-            for tilt in np.radians(TILTS):
-                for direction in 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
-                    rotation = _tilted(ray, tilt, direction)
-                    found.append((rotation, depth * ray - rotation @ middle))
+    places = np.stack(np.meshgrid(PLACES, PLACES), -1).reshape(-1, 2)
+    rays = np.column_stack([(places * size - center) / focal, np.ones(len(places))])
+    turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    depths = focal[0] * width / (np.array(SHARES) * size[0])
+    raster = np.meshgrid(depths, np.arange(len(rays)), np.radians(TILTS), turns)
     # A fixed mixture: any part of the list is spread over all kinds of poses.
-    order = np.random.default_rng(0).permutation(len(found))
-    return tuple(np.array(each)[order] for each in zip(*found))
+    order = np.random.default_rng(0).permutation(raster[0].size)
+    depth, place, tilt, direction = (each.ravel()[order] for each in raster)
+    rays = rays[place.astype(int)]
+    rotations = _tilted(rays, tilt, direction)
+    return rotations, depth[:, None] * rays - rotations @ middle
 
 
-def _tilted(ray, tilt, direction):
-    """Return the rotation of a board that is tilted against a ray."""
-    normal = ray / np.linalg.norm(ray)
+def _tilted(rays, tilt, direction):
+    """Return the rotations (V, 3, 3) of boards that are tilted against rays (V, 3)."""
+    normal = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     right = np.cross([0.0, 1.0, 0.0], normal)
-    right /= np.linalg.norm(right)
-    facing = np.stack([right, np.cross(normal, right), normal], axis=1)
-    axis = np.array([np.cos(direction), np.sin(direction), 0.0])
-    across = np.array([[0, 0, axis[1]], [0, 0, -axis[0]], [-axis[1], axis[0], 0]])
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    facing = np.stack([right, np.cross(normal, right), normal], axis=2)
+    x, y, zero = np.cos(direction), np.sin(direction), np.zeros(len(rays))
+    across = np.array([[zero, zero, y], [zero, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    sine, cosine = (each[:, None, None] for each in (np.sin(tilt), np.cos(tilt)))
     # Rodrigues' formula
-    return facing @ (np.eye(3) + np.sin(tilt) * across + (1 - np.cos(tilt)) * across @ across)
+    return facing @ (np.eye(3) + sine * across + (1 - cosine) * across @ across)
