@@ -4,7 +4,9 @@
 from dataclasses import dataclass
 
 from color_stereo_ros.calibration.board_model import BoardModel, State
+from color_stereo_ros.calibration.guidance import first_information, grid_of, Guide
 from color_stereo_ros.calibration.views import View
+from color_stereo_ros.core.cameras.lenses import LENSES
 from color_stereo_ros.core.cameras.parameters import StereoParameters
 import cv2
 import numpy as np
@@ -83,3 +85,55 @@ def seen(parameters, poses, rng, sigma=0.05, bend=(0.0, 0.0), corners=CORNERS):
             found[side] = Seen(ids, noisy, np.full(ids.size, sigma))
         views.append(View(f'{index:03d}', **found))
     return views
+
+
+def rectified(calibration, truth, points):
+    """Return what a calibration makes of points (N, 3), m, of the true raw left camera."""
+    lens = LENSES[truth.distortion_model]
+    seen = (lens.project(points, truth.left)[0],
+            lens.project(points @ truth.matrix.T + truth.translation, truth.right)[0])
+    pixels = []
+    for camera, raw in zip((calibration.left, calibration.right), seen):
+        rays = lens.undistort(raw, camera.K, camera.D)
+        turned = np.column_stack([rays, np.ones(len(rays))]) @ camera.R.T @ camera.P[:, :3].T
+        pixels.append(turned[:, :2] / turned[:, 2:])
+    return pixels
+
+
+def guided_poses(parameters, count, corners=CORNERS, distance=0.35, information=None):
+    """Return the poses that the guidance asks for, list of (rotation, translation)."""
+    if information is None:
+        information = first_information(parameters, corners)
+    found = Guide(corners, distance).sequence(parameters, information, count)
+    return [(advice.rotation, advice.translation) for advice in found]
+
+
+def points_at(calibration, distance):
+    """Return points (P, 3), m, of a flat target, in the physical left camera of a calibration."""
+    geometry = calibration.geometry
+    x, y, Z = grid_of(calibration, distance)
+    return np.stack([(x - geometry.center_x_left) / geometry.focal_x * Z,
+                     (y - geometry.center_y) / geometry.focal_y * Z, Z], 1) @ calibration.left.R
+
+
+def rows_and_depth_errors(calibration, truth, distance=0.35):
+    """Return errors of rows, px, and depth, m, of a flat target, both float64 (P,)."""
+    points = points_at(truth.calibration(), distance)
+    left, right = rectified(calibration, truth, points)
+    geometry = calibration.geometry
+    depth = geometry.focal_baseline / (left[:, 0] - right[:, 0] - geometry.principal_offset)
+    return left[:, 1] - right[:, 1], depth - (points @ calibration.left.R.T)[:, 2]
+
+
+def errors_of(adjustment, truth, distance=0.35):
+    """Return errors of focal length and baseline, 1, rows, px, and depth, m, RMS, (4,)."""
+    found = adjustment.parameters
+    focal = np.concatenate([found.left[:2] / truth.left[:2], found.right[:2] / truth.right[:2]])
+    baseline = np.linalg.norm(found.translation) / np.linalg.norm(truth.translation)
+    rows, depth = rows_and_depth_errors(adjustment.calibration, truth, distance)
+    return np.array([rms(focal - 1), baseline - 1, rms(rows), rms(depth)])
+
+
+def rms(values, axis=None):
+    """Return the root mean square."""
+    return np.sqrt(np.mean(np.square(values), axis))
