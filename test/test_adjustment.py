@@ -8,6 +8,7 @@ from board_views import (
     CORNERS, errors_of, guided_poses, random_poses, rig, rms, rows_and_depth_errors, seen, SIZE)
 
 from color_stereo_ros.calibration.adjustment import adjust
+from color_stereo_ros.calibration.evidence import agreement_of_halves, choose_lens
 from color_stereo_ros.calibration.guidance import grid_of, Quality
 from color_stereo_ros.calibration.least_squares import inverse_information
 from color_stereo_ros.calibration.views import View
@@ -45,19 +46,16 @@ def test_fifteen_guided_views_calibrate_to_the_limit(effort, figures, fifteen):
         claims.append(depth / found.covariance.depth_std(found.calibration, *points))
     focal, baseline, rows, depth = rms(errors, 0)
     depth_limit, rows_limit = rms(limits, 0)
-    figures('calibration: 15 guided views, focal length', 100 * focal, '%', over=seeds,
-            at_most=0.012)
-    figures('calibration: 15 guided views, baseline', 100 * baseline, '%', over=seeds,
-            at_most=0.006)
-    figures('calibration: 15 guided views, rows', rows, 'px', over=seeds, at_most=0.009)
-    figures('calibration: 15 guided views, Z at 350 mm', 1e3 * depth, 'mm', over=seeds,
-            at_most=0.035)
-    # the scatter of an RMS over few seeds is larger than the goal of many
-    slack = 1.15 if effort.full else 1.6
-    figures('calibration: depth over Cramer-Rao', depth / depth_limit, '', over=seeds,
-            at_most=slack)
-    figures('calibration: rows over Cramer-Rao', rows / rows_limit, '', over=seeds,
-            at_most=slack)
+    # the scatter of an RMS over few seeds is larger than the goals of many
+    slack = 1.0 if effort.full else 1.5
+    for name, value, unit, goal in (
+            ('15 guided views, focal length', 100 * focal, '%', 0.012),
+            ('15 guided views, baseline', 100 * baseline, '%', 0.006),
+            ('15 guided views, rows', rows, 'px', 0.009),
+            ('15 guided views, Z at 350 mm', 1e3 * depth, 'mm', 0.035),
+            ('depth over Cramer-Rao', depth / depth_limit, '', 1.15),
+            ('rows over Cramer-Rao', rows / rows_limit, '', 1.15)):
+        figures(f'calibration: {name}', value, unit, over=seeds, at_most=goal * slack)
     figures('calibration: parameters within 3 sigma', np.mean(within), '', over=seeds,
             at_least=0.95)
     z68 = np.percentile(np.abs(claims), 68)
@@ -68,17 +66,20 @@ def test_fifteen_guided_views_calibrate_to_the_limit(effort, figures, fifteen):
 @pytest.mark.parametrize('model', ['rational_polynomial', 'equidistant'])
 def test_other_lenses_are_calibrated_as_well(effort, figures, fifteen, model):
     truth, seeds = rig(model), effort.seeds(2, 40)
-    errors, within = [], []
+    errors, limits, within = [], [], []
     for seed in seeds:
         found = adjusted(truth, fifteen, seed)
-        errors.append(errors_of(found, truth))
+        errors.append(errors_of(found, truth)[3])
+        limits.append(Quality.at(truth.calibration(), 0.35).of(
+            inverse_information(found.information))[0])
         covariance, calibration = found.covariance, found.calibration
         rows, depth = rows_and_depth_errors(calibration, truth)
         points = grid_of(calibration, 0.35)
         within += [np.abs(depth) < 3 * covariance.depth_std(calibration, *points),
                    np.abs(rows) < 3 * covariance.rows_std(calibration, *points)]
-    figures(f'calibration: {model}, Z at 350 mm', 1e3 * rms(errors, 0)[3], 'mm', over=seeds,
-            at_most=0.06)
+    figures(f'calibration: {model}, Z at 350 mm', 1e3 * rms(errors), 'mm', over=seeds)
+    figures(f'calibration: {model}, Z over the claim', rms(errors) / rms(limits), '', over=seeds,
+            at_most=1.15 if effort.full else 1.8)
     figures(f'calibration: {model}, rows and depth within 3 sigma', np.mean(within), '',
             over=seeds, at_least=0.95)
 
@@ -188,3 +189,26 @@ def test_sixty_views_are_solved(figures, effort):
     figures('calibration: 60 views, time of one core', time.process_time() - begin, 's',
             over=effort.count(1, 1))
     assert errors_of(found, truth)[3] < 2e-4 and not found.dropped
+
+
+@pytest.mark.parametrize('model', ['plumb_bob', 'rational_polynomial', 'equidistant'])
+def test_the_lens_model_is_chosen_by_evidence(effort, model):
+    truth = rig(model, focal=420.0)
+    poses = guided_poses(truth, 18, distance=0.3)
+    for seed in effort.seeds(1, 10):
+        views = seen(truth, poses, np.random.default_rng(seed))
+        choice = choose_lens(SIZE, CORNERS, views)
+        assert choice.model == model, choice.reason
+        assert choice.scatter[model] == pytest.approx(1.0, abs=0.15)
+
+
+def test_halves_agree_as_they_claim(effort, figures, fifteen):
+    seeds = effort.seeds(2, 40)
+    ratios = []
+    for seed in seeds:
+        found = agreement_of_halves(SIZE, CORNERS,
+                                    seen(rig(), fifteen, np.random.default_rng(seed)),
+                                    'plumb_bob', 0.35)
+        ratios.append(found.depth / found.expected_depth)
+    figures('calibration: halves, difference of the depth over the claim', rms(ratios), '',
+            over=seeds, at_least=0.5, at_most=1.6)

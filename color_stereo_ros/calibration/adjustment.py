@@ -11,7 +11,7 @@ from ..core.cameras.parameters import StereoParameters
 from ..errors import CalibrationError
 from .board_model import BENDS, BoardModel
 from .least_squares import inverse_information, Problem, UNDETERMINED
-from .starting import first_state
+from .starting import first_state, NOT_TOGETHER
 from .views import Corners, SIDES
 
 LEAST_VIEWS = 3        # pairs; fewer cannot determine focal lengths and distortion
@@ -205,7 +205,7 @@ def check_number_left(views, dropped):
         raise CalibrationError(
             'the views do not fit together: ' + '; '.join(
                 f'{name}: {reason}' for name, reason in dropped.items())
-            + '. Did a camera move between the views, or are the pairs not synchronous?')
+            + f'. {NOT_TOGETHER}')
 
 
 def _reasons(problem, gross, scatter, numbers):

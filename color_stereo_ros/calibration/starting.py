@@ -14,6 +14,9 @@ FOCAL_LENGTHS = np.geomspace(0.3, 4.0, 10)
 """In widths of the image; chosen: lenses of 14 to 118 degrees."""
 COEFFICIENTS = {'plumb_bob': 5, 'rational_polynomial': 8}
 """Distortion coefficients that are estimated; of another model all that it has."""
+LARGEST_ERROR = 0.05
+"""Of the image width: of the first guess in the middle view; chosen: a distorted lens needs it."""
+NOT_TOGETHER = 'Did a camera move between the views, or are the pairs not synchronous?'
 TRIED_VIEWS = 10
 """Views by which the focal length is chosen; chosen: more only cost time."""
 
@@ -52,9 +55,35 @@ def first_state(size, model, corners, views):
     parameters = StereoParameters(size, model, np.concatenate([lenses['left'], coefficients]),
                                   np.concatenate([lenses['right'], coefficients]),
                                   rotation, translation)
+    state = _with_poses(parameters, np.zeros(2), corners, views, found)
+    _check_motion(state, corners, views)
+    return state
+
+
+def _check_motion(state, corners, views):
+    """Refuse pairs that agree on no motion from one camera to the other."""
+    errors = [_pair_error(state.parameters, corners, view, *pose) for view, pose in
+              zip(views, zip(state.rotations, state.translations)) if view.is_pair]
+    limit = LARGEST_ERROR * state.parameters.size[0]
+    if np.median(errors) > limit:
+        raise CalibrationError(
+            f'the views do not fit together: in the middle one of {len(errors)} pairs the corners '
+            f'lie {np.median(errors):.0f} px from where the other pairs put them, expected less '
+            f'than {limit:.0f} px. {NOT_TOGETHER}')
+
+
+def state_of(parameters, bend, corners, views):
+    """Return the State of views that known cameras see; see `first_state`."""
+    found = [{side: _poses(parameters.distortion_model, getattr(parameters, side), corners,
+                           getattr(view, side)) for side in SIDES if view.seen(side)}
+             for view in views]
+    return _with_poses(parameters, bend, corners, views, found)
+
+
+def _with_poses(parameters, bend, corners, views, found):
+    """Return the State of cameras and of the best of the poses that were found in each view."""
     poses = [_best_pose(parameters, corners, view, pose) for view, pose in zip(views, found)]
-    return State(parameters, np.zeros(2), np.array([pose[0] for pose in poses]),
-                 np.array([pose[1] for pose in poses]))
+    return State(parameters, bend, *(np.array(each) for each in zip(*poses)))
 
 
 def _focal_length(size, model, corners, views, side):
@@ -83,7 +112,8 @@ def _poses(model, intrinsics, corners, detection):
     """Return the poses (R, t, error) that a view allows, the better one first."""
     K = np.array([[intrinsics[0], 0, intrinsics[2]], [0, intrinsics[1], intrinsics[3]],
                   [0, 0, 1]])
-    rays = LENSES[model].undistort(np.asarray(detection.pixels, np.float64), K, np.zeros(4))
+    D = intrinsics[4:] if intrinsics.size > 4 else np.zeros(4)
+    rays = LENSES[model].undistort(np.asarray(detection.pixels, np.float64), K, D)
     if not np.isfinite(rays).all():
         return []
     try:
@@ -94,7 +124,7 @@ def _poses(model, intrinsics, corners, detection):
         return []
     return [(cv2.Rodrigues(rotation)[0], translation.ravel(), float(np.ravel(error)[0]))
             for rotation, translation, error in zip(rotations, translations, errors)
-            if translation[2] > 0 and np.isfinite(translation).all()]
+            if translation[2] > 0 and np.isfinite([*rotation, *translation]).all()]
 
 
 def _motion(left, right):
