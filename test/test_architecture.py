@@ -19,16 +19,20 @@ DOORS = {
     'parameters': 'errors files core',
     'messages': 'errors files core',
     'sim': 'errors files core',
-    'evaluation': 'errors files core parameters sim',
+    'evaluation': 'errors files core parameters sim calibration',
     'recordings': 'errors files core parameters messages patience',
-    'nodes': 'errors files core parameters messages patience',
-    'bench': 'errors files core parameters messages patience sim evaluation recordings nodes',
-    'demo': 'errors files core parameters messages patience sim evaluation recordings nodes',
-    'cli': 'errors files core parameters messages patience sim evaluation recordings nodes bench '
-           'demo',
+    'calibration': 'errors files core patience',
+    'nodes': 'errors files core parameters messages patience calibration',
+    'bench': 'errors files core parameters messages patience calibration sim evaluation '
+             'recordings nodes',
+    'demo': 'errors files core parameters messages patience calibration sim evaluation recordings '
+            'nodes',
+    'cli': 'errors files core parameters messages patience calibration sim evaluation recordings '
+           'nodes bench demo',
 }
-# A module with a door of its own: the node that plays the simulated rig.
-SIDE_DOORS = {'nodes/sim_rig.py': 'sim'}
+# Modules with a door of their own: the node that plays the simulated rig, and the boards that the
+# rig sees.
+SIDE_DOORS = {'nodes/sim_rig.py': 'sim', 'sim/boards.py': 'calibration'}
 
 # Rooms within the core: the rooms that they must not know, besides those above.
 CLOSED = {
@@ -52,6 +56,7 @@ PACKAGES = {
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',
     'evaluation': 'numpy cv2 yaml matplotlib scipy tqdm',
+    'calibration': 'numpy cv2 matplotlib',
 }
 # Recordings, nodes and what is built on them need what their users install.
 ROS = {'rclpy', 'sensor_msgs', 'stereo_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs',
