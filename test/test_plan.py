@@ -79,8 +79,8 @@ def test_cameras_that_see_nothing_in_common_are_told_so(capsys):
     (['--near', '0.9'], 'far = 0.8 m, expected more than near = 0.9 m'),
     (['--baseline', '-1'], 'baseline = -1.0 m, expected > 0'),
     (['--views', '1'], '--views = 1, expected 3 .. 1000'),
-    (['--board', '11', '8', '0.02'], '--board MM = 0.02, expected 0.1 .. 1000 mm'),
-    (['--board', '11', '8', '900'], 'no pose of the board can be detected'),
+    (['--square-mm', '0.02'], 'expected 0.0001 .. 1.0 m'),
+    (['--square-mm', '0.5'], 'no pose of the board can be detected'),
     (['--output', 'plan.xyz'], 'plan.xyz: cannot be written'),
 ])
 def test_impossible_values_are_refused_in_a_clear_sentence(words, said, capsys, tmp_path,

@@ -11,6 +11,7 @@ ROWS = 7
 
 def add_arguments(parser):
     """Declare the arguments."""
+    from .board_arguments import add_board_arguments
     rig = parser.add_argument_group('rig')
     rig.add_argument('--baseline', type=float, required=True, metavar='M',
                      help='distance of the cameras, m')
@@ -36,9 +37,7 @@ def add_arguments(parser):
                           help='guided views of the calibration board (default 15)')
     measured.add_argument('--corner-sigma', type=float, default=0.05, metavar='PX',
                           help='standard deviation of a corner of the board, px (default 0.05)')
-    measured.add_argument('--board', type=float, nargs=3, default=(11, 8, 20.0),
-                          metavar=('COLUMNS', 'ROWS', 'MM'), help='inner corners of the board '
-                          'and the side of a square, mm (default 11 8 20)')
+    add_board_arguments(parser)
     parser.add_argument('--output', metavar='FILE', help='also plot: a file of the format that '
                         'its suffix says, for example plan.svg')
     parser.add_argument('--overwrite', action='store_true', help='replace a file of that name')
@@ -46,13 +45,16 @@ def add_arguments(parser):
 
 def run(args):
     """Print the plan, and plot it."""
+    from ..calibration.guidance import Detectable
     from ..calibration.planning import plan
     from ..files.atomic import check_free
+    from .board_arguments import board_from
     check_arguments(args)
     if args.output and not args.overwrite:
         check_free(args.output)
-    found = plan(rig_of(args), corners_of(args), args.views, args.disparity_std,
-                 args.corner_sigma)
+    board = board_from(args)
+    found = plan(rig_of(args), board.corners, args.views, args.disparity_std, args.corner_sigma,
+                 Detectable(whole=board.kind != 'charuco'))
     print('\n'.join(lines_of(found, args)))
     if args.output:
         from ..calibration.plan_plot import write_plot
@@ -69,10 +71,7 @@ def check_arguments(args):
              ('--projector-fov', args.projector_fov, 1, 170, 'degrees'),
              ('--disparity-std', args.disparity_std, 1e-4, 10, 'px'),
              ('--views', args.views, 3, 1000, ''),
-             ('--corner-sigma', args.corner_sigma, 1e-4, 10, 'px'),
-             ('--board COLUMNS', args.board[0], 2, 200, ''),
-             ('--board ROWS', args.board[1], 2, 200, ''),
-             ('--board MM', args.board[2], 0.1, 1000, 'mm'))
+             ('--corner-sigma', args.corner_sigma, 1e-4, 10, 'px'))
     for name, value, low, high, unit in legal:
         if value is not None and not low <= value <= high:
             raise SettingsError(f'{name} = {value}, expected {low} .. {high} {unit}'.rstrip())
@@ -86,14 +85,6 @@ def rig_of(args):
     width = args.size[0]
     focal = args.focal if args.fov is None else width / 2 / math.tan(math.radians(args.fov) / 2)
     return Rig(args.baseline, focal, tuple(args.size), args.near, args.far, args.aim)
-
-
-def corners_of(args):
-    """Return the corners of the board, float64 (N, 3), m."""
-    import numpy as np
-    columns, rows, side = int(args.board[0]), int(args.board[1]), args.board[2] / 1e3
-    x, y = np.meshgrid(side * np.arange(columns), side * np.arange(rows))
-    return np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3)
 
 
 def lines_of(found, args):
