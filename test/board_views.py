@@ -17,7 +17,7 @@ CORNERS = np.stack([*np.meshgrid(0.02 * np.arange(11), 0.02 * np.arange(8)),
 """m; 12 x 9 squares of 20 mm, on A4."""
 TURN = np.radians(15.0)
 D = {'plumb_bob': [-0.1, 0.06, 0.0008, -0.0005, 0.01],
-     'rational_polynomial': [0.2, 0.1, 0.0005, -0.0003, 0.02, 0.45, 0.1, 0.01],
+     'rational_polynomial': [0.5, 0.05, 0.0005, -0.0003, 0.002, 0.9, 0.15, 0.01],
      'equidistant': [0.03, -0.01, 0.002, -0.0005]}
 
 

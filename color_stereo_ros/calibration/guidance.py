@@ -223,6 +223,8 @@ class Guide:
             possible &= ((points[:, :, 2] > 0).all(1) & (square >= self.detectable.least_square)
                          & (cosine >= np.cos(np.radians(self.detectable.steepest))))
         chosen = np.flatnonzero(possible)
+        if not chosen.size:
+            return possible
         least = len(self.model.corners) if self.detectable.whole else min(
             self.detectable.least_corners, len(self.model.corners))
         for side in SIDES:
