@@ -9,9 +9,9 @@ import re
 
 from ..errors import RecordingError
 from ..files.image import read_image
+from .views import SIDES
 
 SUFFIXES = {'.png', '.jpg', '.jpeg', '.tif', '.tiff', '.bmp', '.webp', '.pgm', '.ppm'}
-SIDES = 'left', 'right'
 _WORD = {side: re.compile(rf'(?<![a-z]){side}|{side}(?![a-z])', re.IGNORECASE) for side in SIDES}
 STAMP_DIGITS = 10      # before the point: a number as long as a time since 1970, s
 TOLERANCE = 20_000_000  # ns between two stamps of a pair; chosen: less than a frame at 30 Hz

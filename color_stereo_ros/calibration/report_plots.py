@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from ..pages.plots import as_image, as_svg, styled
-from .pairs import SIDES
+from .views import SIDES
 
 COLORS = dict(zip(SIDES, ('#1f4e8c', '#c8553d')))
 DROPPED = '#d98324'

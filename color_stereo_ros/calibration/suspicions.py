@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ..errors import CalibrationError
-from .pairs import SIDES
+from .views import SIDES
 
 LEAST_VIEWS = 4         # with both cameras; chosen: three give no residual worth the name
 LEAST_TILT = 12.0       # degrees between the boards that differ most
@@ -39,46 +39,46 @@ class Motion:
     """float64 (3,), the right camera in the frame of the left one, m."""
 
 
-def check_views(board, views, size, reopened=None):
+def check_shots(board, shots, size, reopened=None):
     """
-    Refuse views from which no pair can be calibrated, with the reason.
+    Refuse shots from which no pair can be calibrated, with the reason.
 
     Parameters
     ----------
     board : Board
-    views : list of View
+    shots : list of Shot
         Those without a problem, in the order in which they were taken.
     size : (int, int)
         Width and height, px.
     reopened : callable or None
-        Returns both gray images of a view by its place in the list; None where they are gone.
+        Returns both gray images of a shot by its place in the list; None where they are gone.
 
     Raises
     ------
     CalibrationError
 
     """
-    _check_numbers(board, views, reopened)
-    poses = [_camera_poses(board, [view.detections[side] for view in views], size)
+    _check_numbers(board, shots, reopened)
+    poses = [_camera_poses(board, [shot.detections[side] for shot in shots], size)
              for side in range(2)]
     _check_tilt(poses)
     motions = _motions(*poses)
     _check_order(motions)
     if spread_of(motions) > LOOSE:
-        _explain(board, views, size, poses, motions, reopened)
+        _explain(board, shots, size, poses, motions, reopened)
 
 
-def _check_numbers(board, views, reopened):
+def _check_numbers(board, shots, reopened):
     seen = [sum(detection is not None for detection in column)
-            for column in zip(*(view.detections for view in views))] or [0, 0]
-    both = sum(None not in view.detections for view in views)
+            for column in zip(*(shot.detections for shot in shots))] or [0, 0]
+    both = sum(None not in shot.detections for shot in shots)
     if both >= LEAST_VIEWS:
         return
-    mirrored = _mirrored_sides(board, views, reopened)
+    mirrored = _mirrored_sides(board, shots, reopened)
     if mirrored:
         raise CalibrationError(f'the board is found in the {" and the ".join(mirrored)} images '
                                'only when they are mirrored: switch mirroring off in the camera')
-    counts = f'left {seen[0]}, right {seen[1]}, both {both} of {len(views)} views'
+    counts = f'left {seen[0]}, right {seen[1]}, both {both} of {len(shots)} views'
     if not any(seen):
         raise CalibrationError(
             f'no image shows the {board.describe()}: compare kind and numbers of the board with '
@@ -92,17 +92,17 @@ def _check_numbers(board, views, reopened):
                            f'at least {LEAST_VIEWS}, better 15: hold it where both see it')
 
 
-def _mirrored_sides(board, views, reopened):
+def _mirrored_sides(board, shots, reopened):
     """Return the sides whose images show the board when they are mirrored, and never else."""
     if reopened is None:
         return []
     found = []
     for side, name in enumerate(SIDES):
-        if any(view.detections[side] is not None for view in views):
+        if any(shot.detections[side] is not None for shot in shots):
             continue
-        step = max(1, len(views) // MIRROR_TRIES)
+        step = max(1, len(shots) // MIRROR_TRIES)
         if any(board.detect(np.ascontiguousarray(reopened(place)[side][:, ::-1])) is not None
-               for place in range(0, len(views), step)):
+               for place in range(0, len(shots), step)):
             found.append(name)
     return found
 
@@ -193,7 +193,7 @@ def spread_of(motions):
     return float(np.median(far + turned))
 
 
-def _explain(board, views, size, poses, motions, reopened):
+def _explain(board, shots, size, poses, motions, reopened):
     """Raise the explanation after which the motions agree, or say that there is none."""
     limit = CONVINCING * spread_of(motions)
     left, right = poses
@@ -205,15 +205,15 @@ def _explain(board, views, size, poses, motions, reopened):
             raise CalibrationError(
                 f'the images are paired wrongly: each image of the {late} camera belongs to the '
                 f'{early} one {abs(lag)} {"view" if abs(lag) == 1 else "views"} before it')
-    _refuse_one_mirror(board, views, size, poses, limit, reopened)
+    _refuse_one_mirror(board, shots, size, poses, limit, reopened)
     place = moved_at(motions, limit)
     if place is not None:
-        names = [view.name for view, first, second in zip(views, left, right)
+        names = [shot.name for shot, first, second in zip(shots, left, right)
                  if first is not None and second is not None]
         raise CalibrationError(
             f'a camera was moved between {names[place - 1]} and {names[place]}: the views before '
             'and after agree among themselves only; calibrate anew with the views of one side')
-    skews = [abs(view.skew) for view in views]
+    skews = [abs(shot.skew) for shot in shots]
     told = f' (their stamps differ by up to {max(skews) / 1e6:.1f} ms)' if max(skews) else ''
     raise CalibrationError(
         'the two cameras disagree on how the board moves from view to view'
@@ -221,12 +221,12 @@ def _explain(board, views, size, poses, motions, reopened):
         'trigger both cameras together, or hold the board still')
 
 
-def _refuse_one_mirror(board, views, size, poses, limit, reopened):
+def _refuse_one_mirror(board, shots, size, poses, limit, reopened):
     """Refuse one camera whose images are mirrored: a chessboard is found in them all the same."""
     if reopened is None:
         return
-    step = max(1, len(views) // MIRROR_TRIES)
-    places = range(0, len(views), step)
+    step = max(1, len(shots) // MIRROR_TRIES)
+    places = range(0, len(shots), step)
     for side, name in enumerate(SIDES):
         flipped = [board.detect(np.ascontiguousarray(reopened(place)[side][:, ::-1]))
                    for place in places]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Views of a board: what both cameras see of it, and how sharp."""
+"""Pairs of images of a board: what both cameras see of it, and how sharp."""
 
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -9,15 +9,15 @@ import numpy as np
 
 from ..errors import CalibrationError
 from .edge_width import edge_width
-from .pairs import SIDES
+from .views import SIDES, View
 
 BLURRED = 2.0   # times the usual width of the edges; chosen: the lens alone changes less
 BLUNT = 4.0     # px: edges that are sharper are never called blurred
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """One pose of the board before both cameras."""
+class Shot:
+    """What a pair of images shows of the board."""
 
     name: str
     sizes: tuple
@@ -31,15 +31,20 @@ class View:
     skew: int = 0
     """Stamp of the right image minus that of the left one, ns."""
     problem: str = None
-    """Why the view is of no use, or None."""
+    """Why the shot is of no use, or None."""
 
     @property
     def detections(self):
         """Return what both cameras see."""
         return self.left, self.right
 
+    @property
+    def view(self):
+        """Return what an adjustment takes, a View."""
+        return View(self.name, self.left, self.right)
 
-def detect_view(board, pair):
+
+def detect_shot(board, pair):
     """
     Find the board in both images of a pair.
 
@@ -50,8 +55,8 @@ def detect_view(board, pair):
 
     Returns
     -------
-    view : View
-        Without a verdict on its sharpness, which needs the other views.
+    shot : Shot
+        Without a verdict on its sharpness, which needs the other shots.
 
     Raises
     ------
@@ -63,7 +68,7 @@ def detect_view(board, pair):
     found = [board.detect(gray) for gray in grays]
     widths = tuple(np.nan if each is None else edge_width(board, each, gray)
                    for each, gray in zip(found, grays))
-    return View(pair.name, tuple(gray.shape[::-1] for gray in grays), *found, widths, pair.skew,
+    return Shot(pair.name, tuple(gray.shape[::-1] for gray in grays), *found, widths, pair.skew,
                 None if any(found) else 'the board is found in neither image')
 
 
@@ -72,13 +77,13 @@ def gray_of(image):
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
 
 
-def check_sizes(views):
+def check_sizes(shots):
     """
-    Refuse views of different resolutions.
+    Refuse shots of different resolutions.
 
     Parameters
     ----------
-    views : list of View
+    shots : list of Shot
 
     Returns
     -------
@@ -88,19 +93,19 @@ def check_sizes(views):
     Raises
     ------
     CalibrationError
-        Names a view of each size.
+        Names a shot of each size.
 
     """
-    sizes = Counter(size for view in views for size in view.sizes)
+    sizes = Counter(size for shot in shots for size in shot.sizes)
     if len(sizes) == 1:
         return next(iter(sizes))
-    usual = [Counter(view.sizes[side] for view in views).most_common(1)[0][0]
+    usual = [Counter(shot.sizes[side] for shot in shots).most_common(1)[0][0]
              for side in range(2)]
     if usual[0] != usual[1]:
         raise CalibrationError(f'left images have {_size(usual[0])}, right images '
                                f'{_size(usual[1])}: set both cameras to the same resolution')
-    odd = next((view, side) for view in views for side in range(2)
-               if view.sizes[side] != usual[0])
+    odd = next((shot, side) for shot in shots for side in range(2)
+               if shot.sizes[side] != usual[0])
     raise CalibrationError(
         f'images of {len(sizes)} resolutions: the {SIDES[odd[1]]} image of {odd[0].name} has '
         f'{_size(odd[0].sizes[odd[1]])}, {sizes[usual[0]]} others have {_size(usual[0])}; '
@@ -111,31 +116,31 @@ def _size(size):
     return f'{size[0]} x {size[1]} px'
 
 
-def without_blurred(views):
+def without_blurred(shots):
     """
-    Give the views that are much less sharp than the others a problem.
+    Give the shots that are much less sharp than the others a problem.
 
     Parameters
     ----------
-    views : list of View
+    shots : list of Shot
 
     Returns
     -------
-    views : list of View
+    shots : list of Shot
 
     """
-    widths = np.array([view.widths for view in views], np.float64).reshape(-1, 2)
+    widths = np.array([shot.widths for shot in shots], np.float64).reshape(-1, 2)
     known = np.isfinite(widths)
     usual = [np.median(widths[known[:, side], side]) if known[:, side].any() else np.inf
              for side in range(2)]
     judged = []
-    for view in views:
-        blurred = [(side, width) for side, width, limit in zip(SIDES, view.widths, usual)
+    for shot in shots:
+        blurred = [(side, width) for side, width, limit in zip(SIDES, shot.widths, usual)
                    if width > max(BLUNT, BLURRED * limit)]
-        if blurred and view.problem is None:
+        if blurred and shot.problem is None:
             side, width = blurred[0]
-            view = replace(view, problem=f'blurred: edges of the {side} image are {width:.1f} px '
+            shot = replace(shot, problem=f'blurred: edges of the {side} image are {width:.1f} px '
                            f'wide, usually {usual[SIDES.index(side)]:.1f} px; hold the board '
                            'still')
-        judged.append(view)
+        judged.append(shot)
     return judged
