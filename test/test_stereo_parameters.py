@@ -3,6 +3,8 @@
 
 from dataclasses import replace
 
+from board_views import rectified
+
 from color_stereo_ros.core import CalibrationError, StereoCalibration
 from color_stereo_ros.core.cameras.covariance import (
     camera_hash, depth_derivatives, rectified_derivatives, StereoCovariance)
@@ -80,19 +82,6 @@ def test_the_derivatives_of_a_projection_are_its_differences(model, kind):
     for index, shift in enumerate(step * np.eye(intrinsics.size)):
         change = (lens.project(points, intrinsics + shift)[0] - pixels) / step
         np.testing.assert_allclose(by_intrinsics[:, :, index], change, rtol=1e-4, atol=1e-3)
-
-
-def rectified(calibration, truth, points):
-    """Return what a calibration makes of points (N, 3), m, of the true raw left camera."""
-    lens = LENSES[truth.distortion_model]
-    seen = (lens.project(points, truth.left)[0],
-            lens.project(points @ truth.matrix.T + truth.translation, truth.right)[0])
-    pixels = []
-    for camera, raw in zip((calibration.left, calibration.right), seen):
-        rays = lens.undistort(raw, camera.K, camera.D)
-        turned = np.column_stack([rays, np.ones(len(rays))]) @ camera.R.T @ camera.P[:, :3].T
-        pixels.append(turned[:, :2] / turned[:, 2:])
-    return pixels
 
 
 @each_model
