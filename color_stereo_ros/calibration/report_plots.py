@@ -8,11 +8,9 @@ from ..pages.plots import as_image, as_svg, styled
 from .views import SIDES
 
 COLORS = dict(zip(SIDES, ('#1f4e8c', '#c8553d')))
-DROPPED = '#d98324'
 ARROW = 0.06       # of the image's width: the longest arrow of a residual
 LONGEST = 99.0     # percentile of the residuals that gets an arrow of that length
 BINS = 41
-MAP_LEVELS = 12
 
 
 @styled
@@ -163,16 +161,15 @@ def rows_plot(size, places, rows, sigma):
 
 
 @styled
-def view_plot(names, rms, used):
+def view_plot(names, rms):
     """
-    Plot the residual of each view.
+    Plot the residual of each used view.
 
     Parameters
     ----------
     names : sequence of str
     rms : numpy.ndarray, float64, shape (n,)
-        px; NaN = unknown.
-    used : sequence of bool
+        px.
 
     Returns
     -------
@@ -181,8 +178,7 @@ def view_plot(names, rms, used):
     """
     figure = Figure((10.4, 2.6))
     axes = figure.subplots()
-    colors = ['#0b7a5b' if each else DROPPED for each in used]
-    axes.bar(range(len(names)), np.nan_to_num(rms), color=colors, width=0.7)
+    axes.bar(range(len(names)), rms, color='#0b7a5b', width=0.7)
     axes.set(ylabel='rms residual, px', xlim=(-0.6, len(names) - 0.4))
     axes.set_xticks(range(len(names)), names, rotation=70, ha='right', fontsize=7)
     return as_svg(figure)

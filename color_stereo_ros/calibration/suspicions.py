@@ -21,6 +21,7 @@ LEAST_TILT = 12.0       # degrees between the boards that differ most
 CORNERS = 8             # of a view that takes part here
 LOOSE = 0.04            # spread of the motions, of the baseline or rad, that is suspicious
 CONVINCING = 1 / 3      # of the spread: an explanation must leave less than that
+SIMPLE = 2.0            # px: a larger residual means that the simple camera does not fit
 LAGS = (1, -1, 2, -2)   # views
 MIRROR_TRIES = 6        # views in which a mirrored board is looked for
 SEGMENT = 2             # views on either side of a moment at which a camera moved
@@ -61,11 +62,28 @@ def check_shots(board, shots, size, reopened=None):
     _check_numbers(board, shots, reopened)
     poses = [_camera_poses(board, [shot.detections[side] for shot in shots], size)
              for side in range(2)]
+    if any(rms > SIMPLE for _, rms in poses):
+        return  # a lens that the simple camera does not describe: its motions tell nothing
+    poses = [column for column, _ in poses]
     _check_tilt(poses)
     motions = _motions(*poses)
     _check_order(motions)
     if spread_of(motions) > LOOSE:
-        _explain(board, shots, size, poses, motions, reopened)
+        _explain(board, shots, size, poses, reopened)
+        _refuse_loose(shots)
+
+
+def explain(board, shots, size, reopened=None):
+    """
+    Refuse shots that were not calibrated well where the reason can be found.
+
+    Parameters and errors are those of `check_shots`. Without an explanation nothing happens.
+
+    """
+    poses = [_camera_poses(board, [shot.detections[side] for shot in shots], size)
+             for side in range(2)]
+    if all(rms <= SIMPLE for _, rms in poses):
+        _explain(board, shots, size, [column for column, _ in poses], reopened)
 
 
 def _check_numbers(board, shots, reopened):
@@ -109,25 +127,26 @@ def _mirrored_sides(board, shots, reopened):
 
 def _camera_poses(board, detections, size):
     """
-    Return the pose of the board in each view of one camera, None where it sees too little.
+    Return the pose of the board in each view of one camera, and the residual, px.
 
     Rotation and translation are those of cv2.calibrateCamera, with a camera of one coefficient.
+    They are None where the camera sees too little.
 
     """
     used = [place for place, each in enumerate(detections)
             if each is not None and len(each.ids) >= CORNERS]
     if len(used) < LEAST_VIEWS:
-        return [None] * len(detections)
+        return [None] * len(detections), 0.0
     points = [board.corners[detections[place].ids].astype(np.float32) for place in used]
     pixels = [detections[place].pixels.astype(np.float32)[:, None] for place in used]
     focal = float(max(size))
     camera = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1]])
-    turns, shifts = cv2.calibrateCamera(points, pixels, size, camera, np.zeros(5),
-                                        flags=FLAGS | cv2.CALIB_USE_INTRINSIC_GUESS)[3:5]
+    rms, _, _, turns, shifts = cv2.calibrateCamera(
+        points, pixels, size, camera, np.zeros(5), flags=FLAGS | cv2.CALIB_USE_INTRINSIC_GUESS)
     poses = dict(zip(used, zip(turns, shifts)))
     return [None if place not in poses else
             (cv2.Rodrigues(poses[place][0])[0], poses[place][1].ravel())
-            for place in range(len(detections))]
+            for place in range(len(detections))], rms
 
 
 def _check_tilt(poses):
@@ -193,10 +212,11 @@ def spread_of(motions):
     return float(np.median(far + turned))
 
 
-def _explain(board, shots, size, poses, motions, reopened):
-    """Raise the explanation after which the motions agree, or say that there is none."""
-    limit = CONVINCING * spread_of(motions)
+def _explain(board, shots, size, poses, reopened):
+    """Raise the explanation after which the motions agree."""
     left, right = poses
+    motions = _motions(left, right)
+    limit = CONVINCING * spread_of(motions)
     for lag in LAGS:
         shifted = _motions(left[:len(left) - lag], right[lag:]) if lag > 0 else \
             _motions(left[-lag:], right[:lag])
@@ -213,6 +233,10 @@ def _explain(board, shots, size, poses, motions, reopened):
         raise CalibrationError(
             f'a camera was moved between {names[place - 1]} and {names[place]}: the views before '
             'and after agree among themselves only; calibrate anew with the views of one side')
+
+
+def _refuse_loose(shots):
+    """Refuse pairs whose cameras disagree for a reason that is not known."""
     skews = [abs(shot.skew) for shot in shots]
     told = f' (their stamps differ by up to {max(skews) / 1e6:.1f} ms)' if max(skews) else ''
     raise CalibrationError(
@@ -231,7 +255,7 @@ def _refuse_one_mirror(board, shots, size, poses, limit, reopened):
         flipped = [board.detect(np.ascontiguousarray(reopened(place)[side][:, ::-1]))
                    for place in places]
         tried = [[column[place] for place in places] for column in poses]
-        tried[side] = _camera_poses(board, flipped, size)
+        tried[side], _ = _camera_poses(board, flipped, size)
         motions = _motions(*tried)
         if len(motions) >= LEAST_VIEWS and spread_of(motions) < limit:
             raise CalibrationError(f'the images of the {name} camera are mirrored: switch '
