@@ -54,7 +54,7 @@ PACKAGES = {
     'pages': 'cv2 matplotlib',
     'files': 'numpy cv2 yaml',
     'core': 'numpy cv2 yaml',
-    'calibration': 'numpy cv2 yaml matplotlib',
+    'calibration': 'numpy cv2 yaml matplotlib viser',
     'parameters': 'yaml',
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',
@@ -73,7 +73,7 @@ PUBLIC_NUMBA = {'njit', 'prange', 'get_num_threads', 'set_num_threads', 'threadi
 KERNELS_MAY_IMPORT = re.compile(r'core\.compiled(\.\w+)?$|(.*\.)?(status|status_codes|tuning)$'
                                 r'|.*kernels$')
 NAN_SAFE = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}
-LATE = {'mitsuba', 'rosbags', 'scipy'}
+LATE = {'mitsuba', 'rosbags', 'scipy', 'viser'}
 KERNELS = [name for name in SOURCES if name.endswith('kernels.py')]
 COMPILED = [name for name in SOURCES if name.startswith('core/compiled/')]
 ENCODING = re.compile(r'(rgb8|bgr8|rgba8|bgra8|mono8|mono16|32FC1|16UC1|bayer_.*)$')

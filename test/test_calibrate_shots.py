@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from board_shots import BASELINE, BOARD, images, SIZE
+from board_shots import BOARD, images, SIZE
 from color_stereo_ros.calibration.boards import Board
 from color_stereo_ros.calibration.edge_width import edge_width
 from color_stereo_ros.calibration.pairs import find_pairs, ImagePair
@@ -126,10 +126,9 @@ def test_parallel_boards_are_refused(shots):
 
 def test_exchanged_cameras_are_refused(shots):
     exchanged = [replace(shot, left=shot.right, right=shot.left) for shot in shots]
-    with pytest.raises(CalibrationError) as refusal:
+    with pytest.raises(CalibrationError, match=r'about 0\.(19|20|21) m to the left of the left '
+                       'one: exchange the images of the two cameras'):
         check_shots(BOARD, exchanged, SIZE)
-    assert f'{BASELINE:.2f}' in str(refusal.value)
-    assert 'exchange the images of the two cameras' in str(refusal.value)
 
 
 def mirrored(image):

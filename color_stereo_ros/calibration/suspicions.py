@@ -19,7 +19,8 @@ from .views import SIDES
 LEAST_VIEWS = 4         # with both cameras; chosen: three give no residual worth the name
 LEAST_TILT = 12.0       # degrees between the boards that differ most
 CORNERS = 8             # of a view that takes part here
-LOOSE = 0.04            # spread of the motions, of the baseline or rad, that is suspicious
+ODD = 0.01              # spread of the motions, of the baseline or rad, that is suspicious
+LOOSE = 0.04            # and that is refused even if its reason is not known
 CONVINCING = 1 / 3      # of the spread: an explanation must leave less than that
 SIMPLE = 2.0            # px: a larger residual means that the simple camera does not fit
 LAGS = (1, -1, 2, -2)   # views
@@ -67,9 +68,11 @@ def check_shots(board, shots, size, reopened=None):
     poses = [column for column, _ in poses]
     _check_tilt(poses)
     motions = _motions(*poses)
+    spread = spread_of(motions)
+    if spread > ODD:
+        _explain(board, shots, size, poses, reopened if spread > LOOSE else None)
     _check_order(motions)
-    if spread_of(motions) > LOOSE:
-        _explain(board, shots, size, poses, reopened)
+    if spread > LOOSE:
         _refuse_loose(shots)
 
 
@@ -184,8 +187,8 @@ def _check_order(motions):
                                'one is beside the other')
     if x < 0:
         raise CalibrationError(
-            f'the right camera is {-x:.3f} m to the left of the left one: exchange the images of '
-            'the two cameras; if they are right, both are mirrored')
+            f'the right camera is about {-x:.2f} m to the left of the left one: exchange the '
+            'images of the two cameras; if they are right, both are mirrored')
 
 
 def spread_of(motions):

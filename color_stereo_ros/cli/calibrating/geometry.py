@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo calibrate geometry`: views of a board in, two camera_infos and a covariance out."""
 
+from contextlib import contextmanager
+
 SUMMARY = 'calibrate two cameras as a pair from views of a board, with a report'
-NEEDS = '[tools]; with `--live` [ros]'
+NEEDS = '[tools]; with `--live` [ros]; with `--page` [view]'
 
 NEXT = 'next_pose.png'
 """The picture of the next pose, in the folder of the result."""
@@ -45,6 +47,11 @@ def add_arguments(parser):
                       '0.05)')
     live.add_argument('--views', type=int, default=30, metavar='N', help='views after which it '
                       'ends in any case (default 30)')
+    live.add_argument('--page', type=int, metavar='PORT', help='show both images with the '
+                      'outline of the next pose in a browser, at this port (0 = any free one)')
+    live.add_argument('--page-host', default='127.0.0.1', metavar='ADDRESS', help='with --page: '
+                      'listen at this address; 0.0.0.0 lets other machines in (default '
+                      '127.0.0.1)')
     live.add_argument('--keep', metavar='FOLDER', help='keep the images of the views there')
 
 
@@ -148,16 +155,31 @@ def live_shots(args, board):
     capture = Capture(board, args.target_mm / 1e3, args.views,
                       args.distance_mm and args.distance_mm / 1e3,
                       'plumb_bob' if args.model == AUTOMATIC else args.model)
-    with live_pairs(topics_of(args), args.compressed) as source:
+    with opened_page(args) as page, live_pairs(topics_of(args), args.compressed) as source:
         print(f'Listening to {" and ".join(source.names)}; Ctrl-C ends with the views so far.\n'
               f'Next: {capture.words()}; hold it still for half a second.', flush=True)
         try:
             for pair in source.pairs(warn):
-                if look(args, capture, pair) and capture.done:
+                if look(args, capture, pair, page) and capture.done:
                     break
         except KeyboardInterrupt:
             print()
     return capture.shots, lambda place: capture.images[place]
+
+
+@contextmanager
+def opened_page(args):
+    """Yield the LivePage, or None where there is none to show."""
+    if args.page is None:
+        yield None
+        return
+    from ...calibration.live_page import LivePage
+    page = LivePage(args.page_host, args.page)
+    print(f'Open {page.address} in a browser.', flush=True)
+    try:
+        yield page
+    finally:
+        page.close()
 
 
 def topics_of(args):
@@ -168,7 +190,7 @@ def topics_of(args):
             (('left', args.left_image), ('right', args.right_image))]
 
 
-def look(args, capture, pair):
+def look(args, capture, pair, page):
     """Show a pair to a Capture; tell and draw what comes next if it has become a view."""
     from pathlib import Path
 
@@ -177,12 +199,15 @@ def look(args, capture, pair):
     from ...files.image import write_image
     number = len(capture.shots) + 1
     shot, taken = capture.look(ImagePair(f'view_{number:02d}', pair.left, pair.right, pair.skew))
+    shown = picture((pair.left, pair.right), shot, capture.advice)
+    if page is not None:
+        page.show(shown, f'**{capture.words()}**\n\n{capture.account()}')
     if not taken:
         return False
     if args.keep:
         for side in ('left', 'right'):
             write_image(Path(args.keep) / f'{side}_{number:02d}.png', getattr(pair, side))
-    write_image(Path(args.output) / NEXT, picture((pair.left, pair.right), shot, capture.advice))
+    write_image(Path(args.output) / NEXT, shown)
     print(capture.account(), flush=True)
     if not capture.done:
         print(f'Next: {capture.words()} ({args.output}/{NEXT})', flush=True)
