@@ -31,9 +31,10 @@ def add_arguments(parser):
                         'as a ruler shows it, to check the size of the squares')
     parser.add_argument('--distance-mm', type=float, metavar='X', help='working distance for '
                         'which depth errors are told (default: the median distance of the board)')
-    parser.add_argument('--model', choices=MODELS, default=AUTOMATIC, help='lens model; '
-                        f'{AUTOMATIC} takes the one that predicts views best that it has not '
-                        f'seen (default {AUTOMATIC})')
+    parser.add_argument('--model', choices=MODELS, default=AUTOMATIC, metavar='MODEL',
+                        help=f'lens model, one of {", ".join(MODELS)}; {AUTOMATIC} takes the one '
+                        'that predicts views best that it has not seen (default '
+                        f'{AUTOMATIC})')
     add_board_arguments(parser)
     section = parser.add_argument_group('topics, live or of a recording')
     section.add_argument('--namespace', metavar='NAME', help='namespace of the cameras')
@@ -49,9 +50,8 @@ def add_arguments(parser):
                       'ends in any case (default 30)')
     live.add_argument('--page', type=int, metavar='PORT', help='show both images with the '
                       'outline of the next pose in a browser, at this port (0 = any free one)')
-    live.add_argument('--page-host', default='127.0.0.1', metavar='ADDRESS', help='with --page: '
-                      'listen at this address; 0.0.0.0 lets other machines in (default '
-                      '127.0.0.1)')
+    live.add_argument('--page-host', default='127.0.0.1', metavar='ADDRESS', help='address '
+                      'of the page; 0.0.0.0 lets other machines in (default 127.0.0.1)')
     live.add_argument('--keep', metavar='FOLDER', help='keep the images of the views there')
 
 
