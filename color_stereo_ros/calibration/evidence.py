@@ -11,7 +11,7 @@ from ..errors import CalibrationError
 from .adjustment import adjust, judged, problem_of
 from .board_model import BoardModel
 from .guidance import grid_of
-from .starting import state_of
+from .starting import COEFFICIENTS, state_of
 
 FOLDS = 3
 """Parts of the views, each of which is predicted by the others; chosen: the usual few."""
@@ -82,7 +82,6 @@ def choose_lens(size, corners, views, models=None):
 
 def coefficients_of_model(model):
     """Return how many distortion coefficients of a model are estimated."""
-    from .starting import COEFFICIENTS
     return COEFFICIENTS.get(model, LENSES[model].lengths[-1])
 
 

@@ -180,13 +180,18 @@ class Guide:
         before = quality.of(inverse_information(information))
         found = []
         for _ in range(count):
-            after = quality.of(np.linalg.inv(information + information_of_views))
-            best = int(np.argmin(np.log(after[0]) + np.log(after[1])))
+            best = self.best(quality, information, information_of_views)
             information = information + information_of_views[best]
-            expected = [float(each[best]) for each in after]
+            expected = [float(each) for each in quality.of(inverse_information(information))]
             found.append(self._advice(state.of_views([best]), before, expected))
             before = expected
         return found
+
+    @staticmethod
+    def best(quality, information, informations):
+        """Return the index of the view after which log depth + log rows is least."""
+        depth, rows = quality.of(np.linalg.inv(information + informations))
+        return int(np.argmin(np.log(depth) + np.log(rows)))
 
     def candidates(self, parameters):
         """

@@ -152,13 +152,13 @@ class Problem:
         mixed, poses = np.zeros((self.count, number, 6)), np.zeros((self.count, 6, 6))
         pose_gradients = np.zeros((self.count, 6))
         for side, (residuals, by_shared, by_pose) in zip(SIDES, parts):
-            flat = by_shared.reshape(-1, number)
+            flat = by_shared.reshape(residuals.size, number)
             shared += flat.T @ flat
             gradient += flat.T @ residuals.ravel()
             for view in range(self.count):
                 rows = self.corners[side].of_view(view)
                 here = by_pose[rows].reshape(-1, 6)
-                mixed[view] += by_shared[rows].reshape(-1, number).T @ here
+                mixed[view] += by_shared[rows].reshape(len(here), number).T @ here
                 poses[view] += here.T @ here
                 pose_gradients[view] += here.T @ residuals[rows].ravel()
         return Equations(cost, shared, gradient, mixed, poses, pose_gradients)

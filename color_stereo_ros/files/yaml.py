@@ -170,3 +170,8 @@ def _place(error):
         return ': it holds characters that are no text'
     text = bounded(problem or 'it ends too early', 200).replace('<stream end>', 'the end')
     return f', line {mark.line + 1}: {text}'
+
+
+def yaml_text(content):
+    """Return the YAML text of a dict of texts, numbers and lists, in its order."""
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=99)

@@ -6,11 +6,10 @@ import hashlib
 
 import cv2
 import numpy as np
-import yaml
 
 from ...errors import CalibrationError
 from ...files.atomic import write_text
-from ...files.yaml import load_yaml, UnreadableError
+from ...files.yaml import load_yaml, UnreadableError, yaml_text
 from .lenses import LENSES
 from .parameters import SIDES, StereoParameters
 
@@ -116,9 +115,8 @@ class StereoCovariance:
 
     def text(self):
         """Return the YAML text of the file."""
-        return yaml.safe_dump({**{side: self.hashes[side] for side in SIDES},
-                               'names': list(self.names), 'matrix': self.matrix.tolist()},
-                              sort_keys=False, default_flow_style=None, width=99)
+        return yaml_text({**{side: self.hashes[side] for side in SIDES},
+                          'names': list(self.names), 'matrix': self.matrix.tolist()})
 
     def check(self, calibration):
         """
