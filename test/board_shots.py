@@ -36,7 +36,7 @@ def pose(index, distance=0.45, board=BOARD):
     rotation = (cv2.Rodrigues(np.array([0, tilt_y, 0.0]))[0]
                 @ cv2.Rodrigues(np.array([tilt_x, 0, 0.0]))[0]
                 @ cv2.Rodrigues(np.array([0, 0, rng.uniform(-0.3, 0.3)]))[0])
-    middle = np.array([0.06 + rng.uniform(-0.03, 0.03), rng.uniform(-0.03, 0.03),
+    middle = np.array([rng.uniform(-0.02, 0.1), rng.uniform(-0.08, 0.08),
                        distance + rng.uniform(-0.05, 0.05)])
     return Pose(rotation, middle - rotation @ np.append(np.divide(board.size_m, 2), 0))
 

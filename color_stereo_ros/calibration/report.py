@@ -72,8 +72,8 @@ def _depth(geometry):
             zip((rectified.width, rectified.height), GRID)]
     x, y = np.meshgrid(*axes)
     depths = [share * geometry.distance for share in SHARES]
-    maps = [1e3 * geometry.covariance.depth_std(geometry.calibration, x, y, np.full(x.shape, Z))
-            for Z in depths]
+    maps = [np.where(_is_seen_right(rectified, x, Z), 1e3 * geometry.covariance.depth_std(
+        geometry.calibration, x, y, np.full(x.shape, Z)), np.nan) for Z in depths]
     curve = CURVE * geometry.distance
     middle = (np.full(curve.shape, rectified.width / 2), np.full(curve.shape,
                                                                  rectified.height / 2))
@@ -86,6 +86,12 @@ def _depth(geometry):
                'Maps of the standard deviation of the depth at four depths'),
         figure(plots.depth_curve_plot(curve, along, MATCHING, matching),
                'Standard deviation of the depth over the depth'))))
+
+
+def _is_seen_right(rectified, x, Z):
+    """Return which columns of the left image the right camera sees at a depth, bool."""
+    right = x - rectified.focal_baseline / Z - rectified.principal_offset
+    return (right >= 0) & (right <= rectified.width - 1)
 
 
 def _rows(geometry):

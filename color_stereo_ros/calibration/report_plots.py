@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plots of the report about a calibration, each a self-contained piece of HTML."""
 
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 import numpy as np
 
-from ..pages.plots import as_image, as_svg, styled
+from ..pages.plots import as_image, as_svg, plain_numbers, styled
 from .views import SIDES
 
 COLORS = dict(zip(SIDES, ('#1f4e8c', '#c8553d')))
@@ -85,16 +86,18 @@ def depth_map_plot(size, depths, maps):
     html : str
 
     """
-    figure = Figure((11.2, 3.2))
-    for axes, depth, values in zip(figure.subplots(1, len(depths)), depths, maps):
+    columns = 2
+    figure = Figure((10.4, 3.4 * -(-len(depths) // columns)), layout='constrained')
+    known = np.concatenate([each[np.isfinite(each)] for each in maps])
+    # one scale for all maps; the corners of the image may be a hundred times worse
+    colors = LogNorm(*np.percentile(known, (0, 100))) if known.size else None
+    for axes, depth, values in zip(figure.subplots(-(-len(depths) // columns), columns).flat,
+                                   depths, maps):
         _image_axes(axes, size, f'Z = {1e3 * depth:.0f} mm')
-        known = values[np.isfinite(values)]
-        if not known.size:
-            continue
         shown = axes.imshow(values, extent=(-0.5, size[0] - 0.5, size[1] - 0.5, -0.5),
-                            cmap='viridis', vmin=known.min(), vmax=known.max())
-        axes.set_aspect('equal')
-        figure.colorbar(shown, ax=axes, shrink=0.72, format='%.3g', label='mm')
+                            cmap='viridis', norm=colors)
+        bar = figure.colorbar(shown, ax=axes, shrink=0.8, label='mm')
+        plain_numbers(bar.ax.yaxis)
     return as_image(figure)
 
 
