@@ -14,21 +14,22 @@ SOURCES = {path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encodi
 DOORS = {
     'errors': '',
     'patience': '',
+    'pages': '',
     'files': 'errors',
     'core': 'errors files',
     'parameters': 'errors files core',
     'messages': 'errors files core',
     'sim': 'errors files core',
-    'evaluation': 'errors files core parameters sim calibration',
+    'calibration': 'errors files core patience pages',
+    'evaluation': 'errors files core parameters sim pages calibration',
     'recordings': 'errors files core parameters messages patience',
-    'calibration': 'errors files core patience',
     'nodes': 'errors files core parameters messages patience calibration',
     'bench': 'errors files core parameters messages patience calibration sim evaluation '
              'recordings nodes',
     'demo': 'errors files core parameters messages patience calibration sim evaluation recordings '
             'nodes',
-    'cli': 'errors files core parameters messages patience calibration sim evaluation recordings '
-           'nodes bench demo',
+    'cli': 'errors files core parameters messages patience pages calibration sim evaluation '
+           'recordings nodes bench demo',
 }
 # Modules with a door of their own: the node that plays the simulated rig, and the boards that the
 # rig sees.
@@ -50,13 +51,14 @@ CLOSED = {
 PACKAGES = {
     'errors': '',
     'patience': '',
+    'pages': 'cv2 matplotlib',
     'files': 'numpy cv2 yaml',
-    'core': 'numpy cv2',
+    'core': 'numpy cv2 yaml',
+    'calibration': 'numpy cv2 yaml matplotlib viser',
     'parameters': 'yaml',
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',
     'evaluation': 'numpy cv2 yaml matplotlib scipy tqdm',
-    'calibration': 'numpy cv2 matplotlib',
 }
 # Recordings, nodes and what is built on them need what their users install.
 ROS = {'rclpy', 'sensor_msgs', 'stereo_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs',
@@ -71,7 +73,7 @@ PUBLIC_NUMBA = {'njit', 'prange', 'get_num_threads', 'set_num_threads', 'threadi
 KERNELS_MAY_IMPORT = re.compile(r'core\.compiled(\.\w+)?$|(.*\.)?(status|status_codes|tuning)$'
                                 r'|.*kernels$')
 NAN_SAFE = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}
-LATE = {'mitsuba', 'rosbags', 'scipy'}
+LATE = {'mitsuba', 'rosbags', 'scipy', 'viser'}
 KERNELS = [name for name in SOURCES if name.endswith('kernels.py')]
 COMPILED = [name for name in SOURCES if name.startswith('core/compiled/')]
 ENCODING = re.compile(r'(rgb8|bgr8|rgba8|bgra8|mono8|mono16|32FC1|16UC1|bayer_.*)$')

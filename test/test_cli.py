@@ -65,6 +65,27 @@ def test_help_imports_neither_numpy_nor_ros_nor_a_simulator():
     assert 'evaluate' in ran.stdout
 
 
+def test_commands_of_a_command_are_found_and_explained_as_others_are(capsys):
+    with pytest.raises(SystemExit) as ending:
+        cli.main(['calibrate', '--help'])
+    assert ending.value.code == 0 and 'geometry' in capsys.readouterr().out
+    inner = cli.find_commands(Path(cli.__file__).parent / 'calibrating')
+    for name, summary in inner.items():
+        with pytest.raises(SystemExit):
+            cli.main(['calibrate', name.replace('_', '-'), '--help'])
+        assert summary in ' '.join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize('words, told', [
+    (['calibrate', 'geometri'], 'did you mean geometry?'),
+    (['calibrate', 'geometry', '--colums', '9'], 'did you mean --columns?'),
+    (['calibrate'], 'COMMAND')])
+def test_commands_of_a_command_refuse_wrong_words(words, told, capsys):
+    with pytest.raises(SystemExit) as ending:
+        cli.main(words)
+    assert ending.value.code == 2 and told in capsys.readouterr().err
+
+
 def test_an_unknown_command_is_refused_with_the_known_ones(capsys):
     with pytest.raises(SystemExit) as ending:
         cli.main(['patern'])

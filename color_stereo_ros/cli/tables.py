@@ -41,12 +41,17 @@ def status_table():
 
 
 def command_table():
-    """Return the subcommands of `color_stereo`."""
+    """Return the subcommands of `color_stereo`, and theirs."""
     from .main import find_commands
-    needs = find_commands(constant='NEEDS')
     lines = ['| command | what it does | extras |', '|---|---|---|']
-    lines += [f'| `color_stereo {name}` | {summary} | {needs[name]} |'.replace('|  |', '| |')
-              for name, summary in find_commands().items()]
+    inner = find_commands(constant='COMMANDS')
+    for name in find_commands():
+        folder = Path(__file__).parent / inner.get(name, '')
+        found, needs = find_commands(folder), find_commands(folder, 'NEEDS')
+        rows = {f'{name} {each.replace("_", "-")}': each for each in found} \
+            if name in inner else {name: name}
+        lines += [f'| `color_stereo {words}` | {found[each]} | {needs[each]} |'.replace(
+            '|  |', '| |') for words, each in rows.items()]
     return '\n'.join(lines) + '\n'
 
 

@@ -79,25 +79,49 @@ def stereo_topics(recording, namespace=None, named=NOTHING_NAMED, compressed=Fal
         asks for a pair of other names where there is one.
 
     """
-    if None in (named.left_image, named.right_image):
-        prefix = _prefix(_namespace(recording, compressed) if namespace is None else namespace)
-    else:
-        prefix = _prefix(namespace or '')
-    images = [_existing(recording, usual + _SUFFIX * compressed if given is None else given,
-                        prefix) for given, usual in zip(named.names[:2], STEREO_TOPICS.names[:2])]
+    images, prefix = _images(recording, namespace, named, compressed)
     beside = [f'{image.removesuffix(_SUFFIX).rpartition("/")[0]}/camera_info' for image in images]
     infos = [_existing(recording, usual if given is None else given, prefix)
              for given, usual in zip(named.names[2:], beside)]
     found = StereoTopics(*images, *infos)
-    for left, right, what in zip(found.names[::2], found.names[1::2], ('images', 'camera_infos')):
-        if left == right:
-            raise RecordingError(f'{recording.path}: {left} is named for the {what} of both '
-                                 'cameras')
+    _check_different(recording, *images, 'images')
+    _check_different(recording, *infos, 'camera_infos')
     kind = COMPRESSED if compressed else Image.TYPE
     for topic, expected, option in zip(found.names, 2 * [kind] + 2 * [CameraInfo.TYPE],
                                        OPTIONS):
         _check_topic(recording, topic, expected, option)
     return found
+
+
+def image_topics(recording, namespace=None, named=NOTHING_NAMED, compressed=False):
+    """
+    Return the topics of the left and the right image; as `stereo_topics`, without camera_infos.
+
+    Returns
+    -------
+    topics : (str, str)
+
+    """
+    images, _ = _images(recording, namespace, named, compressed)
+    _check_different(recording, *images, 'images')
+    for topic, option in zip(images, OPTIONS):
+        _check_topic(recording, topic, COMPRESSED if compressed else Image.TYPE, option)
+    return tuple(images)
+
+
+def _images(recording, namespace, named, compressed):
+    """Return the names of both image topics, and the prefix of the namespace."""
+    if None in (named.left_image, named.right_image):
+        prefix = _prefix(_namespace(recording, compressed) if namespace is None else namespace)
+    else:
+        prefix = _prefix(namespace or '')
+    return [_existing(recording, usual + _SUFFIX * compressed if given is None else given, prefix)
+            for given, usual in zip(named.names[:2], STEREO_TOPICS.names[:2])], prefix
+
+
+def _check_different(recording, left, right, what):
+    if left == right:
+        raise RecordingError(f'{recording.path}: {left} is named for the {what} of both cameras')
 
 
 def _prefix(namespace):

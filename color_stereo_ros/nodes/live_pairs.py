@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pairs of images of two live cameras, for commands that look at them one by one."""
+
+from contextlib import contextmanager
+from functools import partial
+import threading
+
+from ..errors import ImageError
+from ..messages.pairs import rgb_pair
+from ..messages.reading import stamp_ns
+from ..messages.synchronizer import LatestSlot, SIDES, Synchronizer
+from .live import ros_node
+
+LOOK = 0.5      # s between two looks at what is wrong
+PATIENCE = 5.0  # s without a pair before somebody is told why
+
+
+class LivePairs:
+    """
+    The latest pair of two cameras; older ones that nobody took are forgotten.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    topics : (str, str)
+        Of the left and of the right image.
+    compressed : bool
+        The images are JPEG or PNG.
+
+    """
+
+    def __init__(self, node, topics, compressed=False):
+        from rclpy.qos import qos_profile_sensor_data
+        from sensor_msgs.msg import CompressedImage, Image
+        self._node = node
+        self._synchronizer = Synchronizer()
+        self._slot = LatestSlot()
+        self._subscriptions = [node.create_subscription(
+            CompressedImage if compressed else Image, topic, partial(self._take, side),
+            qos_profile_sensor_data) for side, topic in zip(SIDES, topics)]
+
+    def _take(self, side, message):
+        pair = self._synchronizer.add(side, stamp_ns(message.header), message)
+        if pair is not None:
+            self._slot.put(pair)
+
+    def pairs(self, say):
+        """
+        Yield pairs of RGB images as they come, without end.
+
+        Parameters
+        ----------
+        say : callable
+            Called with a sentence when no pair comes, or one cannot be read.
+
+        Yields
+        ------
+        pair : Pair
+            Of images, uint8 (H, W, 3).
+
+        """
+        told = None
+        while True:
+            pair = self._slot.take(LOOK)
+            if pair is None:
+                complaint = self._synchronizer.complaint(PATIENCE)
+                kind = complaint and complaint.partition(': ')[2]
+                if complaint and kind != told:
+                    say(f'{complaint} (topics {", ".join(self.names)})')
+                told = kind
+                continue
+            try:
+                yield rgb_pair(pair)
+            except ImageError as error:
+                say(str(error))
+
+    @property
+    def names(self):
+        """Return the full names of both topics."""
+        return [subscription.topic_name for subscription in self._subscriptions]
+
+
+@contextmanager
+def live_pairs(topics, compressed=False):
+    """
+    Listen to two cameras while the block runs.
+
+    Parameters
+    ----------
+    topics : (str, str)
+    compressed : bool
+
+    Yields
+    ------
+    pairs : LivePairs
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If rclpy is not installed.
+
+    """
+    with ros_node('calibrate_geometry') as node:
+        import rclpy
+        pairs = LivePairs(node, topics, compressed)
+        ending = threading.Event()
+
+        def spin():
+            while not ending.is_set():
+                rclpy.spin_once(node, timeout_sec=0.1)
+
+        spinner = threading.Thread(target=spin, daemon=True)
+        spinner.start()
+        try:
+            yield pairs
+        finally:
+            ending.set()
+            spinner.join()

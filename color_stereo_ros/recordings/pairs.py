@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pairs of images in a recording, whether its cameras are calibrated or not."""
+
+from ..errors import ImageError, RecordingError
+from ..messages.pairs import rgb_pair
+from ..messages.reading import stamp_ns
+from ..messages.synchronizer import Synchronizer
+
+QUEUE = 20  # images that wait for their partner
+
+
+def recorded_pairs(recording, left, right, say):
+    """
+    Yield the pairs of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    left, right : str
+        Topics of the images, raw or compressed.
+    say : callable
+        Called with a sentence about an image that cannot be read; its pair is left out.
+
+    Yields
+    ------
+    pair : Pair
+        Of RGB images, uint8 (H, W, 3).
+
+    """
+    synchronizer = Synchronizer(queue_size=QUEUE)
+    for message in recording.messages({left, right}):
+        side = 'left' if message.topic == left else 'right'
+        try:
+            content = recording.decoded(message)
+            pair = synchronizer.add(side, stamp_ns(content.header), content)
+            if pair is not None:
+                yield rgb_pair(pair)
+        except (ImageError, RecordingError) as error:
+            say(str(error))
