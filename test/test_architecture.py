@@ -14,21 +14,26 @@ SOURCES = {path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encodi
 DOORS = {
     'errors': '',
     'patience': '',
+    'pages': '',
     'files': 'errors',
     'core': 'errors files',
     'parameters': 'errors files core',
     'messages': 'errors files core',
     'sim': 'errors files core',
-    'evaluation': 'errors files core parameters sim',
+    'calibration': 'errors files core patience pages',
+    'evaluation': 'errors files core parameters sim pages calibration',
     'recordings': 'errors files core parameters messages patience',
-    'nodes': 'errors files core parameters messages patience',
-    'bench': 'errors files core parameters messages patience sim evaluation recordings nodes',
-    'demo': 'errors files core parameters messages patience sim evaluation recordings nodes',
-    'cli': 'errors files core parameters messages patience sim evaluation recordings nodes bench '
-           'demo',
+    'nodes': 'errors files core parameters messages patience calibration',
+    'bench': 'errors files core parameters messages patience calibration sim evaluation '
+             'recordings nodes',
+    'demo': 'errors files core parameters messages patience calibration sim evaluation recordings '
+            'nodes',
+    'cli': 'errors files core parameters messages patience pages calibration sim evaluation '
+           'recordings nodes bench demo',
 }
-# A module with a door of its own: the node that plays the simulated rig.
-SIDE_DOORS = {'nodes/sim_rig.py': 'sim'}
+# Modules with a door of their own: the node that plays the simulated rig, and the boards that the
+# rig sees.
+SIDE_DOORS = {'nodes/sim_rig.py': 'sim', 'sim/boards.py': 'calibration'}
 
 # Rooms within the core: the rooms that they must not know, besides those above.
 CLOSED = {
@@ -46,12 +51,15 @@ CLOSED = {
 PACKAGES = {
     'errors': '',
     'patience': '',
+    'pages': 'cv2 matplotlib',
     'files': 'numpy cv2 yaml',
-    'core': 'numpy cv2',
+    'core': 'numpy cv2 yaml',
+    'calibration': 'numpy cv2 yaml matplotlib',
     'parameters': 'yaml',
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',
     'evaluation': 'numpy cv2 yaml matplotlib scipy tqdm',
+    'calibration': 'numpy cv2 matplotlib',
 }
 # Recordings, nodes and what is built on them need what their users install.
 ROS = {'rclpy', 'sensor_msgs', 'stereo_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs',

@@ -5,11 +5,14 @@ import numpy as np
 import pytest
 from scenes import SCENES
 
-from color_stereo_ros.core import RangeSettings, RectifiedGeometry, RectifiedPair, SettingsError
-from color_stereo_ros.core import Settings, Status
+from color_stereo_ros.core import ColorStereo, RangeSettings, RectifiedGeometry, RectifiedPair
+from color_stereo_ros.core import Settings, SettingsError, Status
+from color_stereo_ros.core.constants import replaced
 from color_stereo_ros.core.surface.plane_kernels import WIDE_RADIUS
+from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.evaluation import ablation, datasets, methods, opencv_matchers
 from color_stereo_ros.evaluation.metrics import accuracy
+from color_stereo_ros.evaluation.tuned import CONSTANTS, stereo_for, switched_off
 
 LIMITS = {'range.min_depth': 0.22, 'range.max_depth': 0.62}
 PROTOTYPE = {'color.smoothing': 0.0, 'color.zero_weakest': False,
@@ -109,7 +112,8 @@ def test_the_window_of_the_surface_method_counts_nodes_of_two_pixels():
 
 def test_switches_come_from_the_settings_and_switch_something_off():
     for method in ('surface', 'paper'):
-        found = ablation.switches(method)
+        found = {name: value for name, value in ablation.switches(method).items()
+                 if name not in CONSTANTS}
         assert found
         default = Settings().flat()
         assert all(value in (0, False, 'off') and default[name] != value
@@ -118,6 +122,28 @@ def test_switches_come_from_the_settings_and_switch_something_off():
     assert 'color.equalize' in ablation.switches('paper')
     common = set(ablation.switches('paper')) & set(ablation.switches('surface'))
     assert common == {'color.equalize'}
+
+
+def test_constants_of_the_surface_method_are_switches_too():
+    found = {name: value for name, value in ablation.switches('surface').items()
+             if name in CONSTANTS}
+    assert found == switched_off() and {'steps.odds', 'brightness.disputed_distance'} <= set(found)
+    assert not set(CONSTANTS) & set(Settings().flat())
+    assert all(CONSTANTS[name].value != off for name, off in found.items())
+    replaced(TUNING, found)
+    assert not set(ablation.switches('paper')) & set(CONSTANTS)
+
+
+def test_a_constant_that_is_switched_off_reaches_the_method():
+    scene = datasets.load_folder(SCENES / 'flat_350_hue1', LIMITS)
+    stereo = stereo_for(scene.calibration, Settings(), {'steps.odds': 0.0,
+                                                        'matching.refinements': 1})
+    assert stereo._method.tuning.steps.odds == 0 != TUNING.steps.odds
+    assert stereo.settings.matching.refinements == 1
+    result = stereo.process(scene.left, scene.right)
+    assert np.isfinite(result.depth).mean() > 0.5
+    plain = stereo_for(scene.calibration, Settings(), {'matching.method': 'paper'})
+    assert type(plain) is ColorStereo
 
 
 @pytest.mark.long

@@ -70,6 +70,36 @@ def test_other_carriers_take_their_share_of_the_error():
     assert ratio == pytest.approx(1 / 16, rel=0.02)
 
 
+def test_where_ranges_are_rough_brightness_holds_nothing():
+    at, views, planes, pair = slow_pair(0.005)
+    alone = slow_pair(0.005)[2]
+    at.widen(views, alone, pair, None)
+    weight = np.full(planes.d.shape, 4 * SLOPE ** 2 / 2e-4, F4)
+    at.widen(views, planes, pair, weight, rough=1.0)
+    assert planes.variance[at.grid.inner][30, 60] == pytest.approx(
+        alone.variance[at.grid.inner][30, 60], rel=1e-3)
+
+
+def test_ranges_are_rough_by_the_median_of_their_second_differences():
+    at, _, planes, _ = slow_pair(0.0)
+    low, high = TUNING.shared.rough
+    ranges = np.full(planes.d.shape, -1, F4)
+    ranges[at.grid.inner][:, :60] = 1
+    uneven = np.full(at.grid.nodes, high + 1, F4)
+    for value, rough in ((low - 0.1, 0), ((low + high) / 2, 0.5), (high + 0.1, 1)):
+        uneven[:, :60] = value
+        assert at.roughness(uneven, ranges) == pytest.approx(rough, abs=1e-3)
+    assert at.roughness(uneven, np.full_like(ranges, -1)) == 0
+
+
+def test_a_node_of_a_rough_pair_is_no_more_certain_than_the_usual_one():
+    at = slow_pair(0.0)[0]
+    verdict = SimpleNamespace(std=np.array([0.1, 1.0, 1.0], F4),
+                              log_odds=np.array([9.0, 2.0, 2.0], F4))
+    at.cap(verdict, rough=1.0)
+    np.testing.assert_allclose(verdict.log_odds, 0.77)
+
+
 def test_log_odds_do_not_exceed_those_of_a_normal_error():
     at = slow_pair(0.0)[0]
     verdict = SimpleNamespace(std=np.array([0.1, 0.5, 1.0, 5.0], F4),

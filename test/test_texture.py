@@ -9,7 +9,8 @@ import pytest
 
 from color_stereo_ros.core.surface.grid import HalfGrid
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD
-from color_stereo_ros.core.surface.texture import between_nodes, TextureSearch
+from color_stereo_ros.core.surface.texture import (
+    between_nodes, drop_small_surfaces, likeness, TextureSearch)
 from color_stereo_ros.core.surface.tuning import TUNING
 
 ROWS, COLUMNS = 60, 100
@@ -48,6 +49,55 @@ def test_a_small_pair_tells_which_disparities_are_searched(disparity):
     first, count = search.narrowed(images)
     assert first + 5 < disparity < first + count - 5
     assert count < search.count / 3
+
+
+def test_dark_places_do_not_widen_what_is_searched():
+    grid, views = views_of(13)
+    search = TextureSearch(grid, (-150, 140), TUNING)
+    images = [search.image(view, 1) for view in (views.left, views.right)]
+    for image in images:
+        image[:20] = 0
+    first, count = search.narrowed(images)
+    assert first + 5 < 13 < first + count - 5
+    assert count < search.count / 3
+
+
+def test_what_is_not_alike_counts_for_nothing():
+    rng = np.random.default_rng(6)
+    left = rng.integers(0, 255, (20, 30, 3)).astype(np.uint8)
+    right = left.copy()
+    right[:, 15:] = rng.integers(0, 255, (20, 15, 3))
+    disparity = np.zeros((20, 30), F4)
+    disparity[0, 0] = np.nan
+    found = likeness((left, right), disparity, 5)
+    assert np.isnan(found[0, 0])
+    assert np.all(found[3:-3, 3:12] > 0.99)
+    assert np.abs(found[:, 18:]).max() < 0.8
+    assert np.abs(likeness((0 * left, 0 * right), disparity, 5)[3:-3, 3:-3]).max() == 0
+
+
+def test_likeness_is_the_correlation_of_the_windows():
+    rng = np.random.default_rng(7)
+    left, right = (rng.integers(0, 255, (12, 20, 3)).astype(np.uint8) for _ in range(2))
+    right[:, 2:] = right[:, 2:] // 2 + left[:, :-2] // 2
+    disparity = rng.integers(-3, 4, (12, 20)).astype(F4)
+    found = likeness((left, right), disparity, 5)
+    gray = [image.mean(axis=2) for image in (left, right)]
+    for y, x in ((2, 2), (5, 9), (9, 17)):
+        windows = np.zeros((2, 25))
+        for n, (j, i) in enumerate(np.ndindex(5, 5)):
+            row, column = y + j - 2, x + i - 2
+            place = np.clip(column - int(disparity[row, column]), 0, 19)
+            windows[:, n] = gray[0][row, column], gray[1][row, place]
+        np.testing.assert_allclose(found[y, x], np.corrcoef(windows)[0, 1], atol=1e-4)
+
+
+def test_small_surfaces_are_dropped():
+    disparity = np.full((12, 12), np.nan, F4)
+    disparity[2:4, 2:6], disparity[6:9, 2:6] = 20, -3.5  # 8 and 12 px
+    drop_small_surfaces(disparity, 8)
+    assert np.isnan(disparity[:5]).all()
+    np.testing.assert_array_equal(disparity[6:9, 2:6], -3.5)
 
 
 def test_between_two_nodes_lies_their_mean():

@@ -8,7 +8,8 @@ from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
-from color_stereo_ros.core.surface.raw_faults import Looker, quantization, without_hot_pixels
+from color_stereo_ros.core.surface.raw_faults import (
+    Looker, quantization, step_of, without_hot_pixels)
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
 import cv2
 import numpy as np
@@ -75,6 +76,61 @@ def test_crosstalk_that_leaves_one_camera_a_tenth_of_its_contrast(usual, side):
     assert share_right(result) > 0.9
     least, most = sorted(view.contrast(48) for view in (views.left, views.right))
     assert most / least < TUNING.views.unlike_contrast
+
+
+def mixed_by(share):
+    """Return a function from light to signals whose channels hold so much of each other one."""
+    matrix = np.full((3, 3), share) + (1 - 3 * share) * np.eye(3)
+    return lambda light: light @ matrix
+
+
+@pytest.mark.parametrize('share, raised', [(0.29, False), (0.31, True)])
+def test_crosstalk_of_both_cameras_leaves_ranges_that_are_right_and_sure(usual, share, raised):
+    result = usual.process(*pair(mixed_by(share), mixed_by(share)))
+    assert usual._method.views.raised == raised
+    assert share_right(result) > 0.94
+    sure = result.confidence > 0.9
+    inner = np.s_[12:-12, 48:-12]
+    assert sure[inner].mean() > 0.6
+    assert (np.abs(result.disparity - TRUTH) > 1)[sure].mean() < 0.015
+
+
+def test_raised_colors_are_like_those_without_crosstalk(usual):
+    views = usual._method.views
+    clean = views.load(*pair(), np.zeros(7)).left.u.copy()
+    views.load(*pair(mixed_by(0.3), mixed_by(0.3)), np.zeros(7))
+    before = views.left.variance.copy()
+    assert views.raise_faint_colors() is not None
+    inner = views.grid.inner
+    likeness = np.corrcoef(clean[inner].ravel(), views.left.u[inner].ravel())[0, 1]
+    assert likeness > 0.85
+    factor = TUNING.views.usual_contrast / views.contrasts[1]
+    np.testing.assert_allclose(views.left.variance[inner], np.minimum(
+        before[inner] * factor ** 2, 0.5 * TUNING.views.silent_variance), rtol=1e-4)
+
+
+def test_colors_that_go_back_are_the_same_bytes(usual):
+    views = usual._method.views
+    views.load(*pair(mixed_by(0.3), mixed_by(0.3)), np.zeros(7))
+    before = views.copied()
+    views.lower_colors(views.raise_faint_colors())
+    assert not views.raised
+    assert all(np.array_equal(*each) for each in zip(before, views.colors()))
+
+
+def test_a_gray_pattern_with_a_tint_is_not_the_pattern_in_faint_colors(usual):
+    rng = np.random.default_rng(5)
+    speckle = cv2.GaussianBlur(rng.normal(size=(HEIGHT, WIDTH)), (0, 0), 1.0)
+    gray = np.clip(0.4 + 0.6 * speckle, 0.05, 0.9)[..., None]
+    images = [exposed(np.repeat(gray, 3, axis=2) * (1.05, 1.0, 0.95), np.random.default_rng(seed))
+              for seed in (1, 2)]
+    usual.process(*images)
+    assert not usual._method.views.raised
+
+
+def test_usual_colors_are_not_raised(usual):
+    usual.process(*pair())
+    assert not usual._method.views.raised
 
 
 def test_equal_views_stay_as_they_are(usual, monkeypatch):
@@ -347,6 +403,28 @@ def test_the_quantization_is_read_from_the_image(quality, step):
     assert quantization(image, TUNING.raw) == 1
     assert step <= quantization(compressed(image, quality), TUNING.raw) <= 1.25 * step
     assert quantization(image[:7], TUNING.raw) == 1
+
+
+@pytest.mark.parametrize('step', [1, 3, 7, 20])
+def test_steps_are_scored_as_by_their_naive_twin(step):
+    rng = np.random.default_rng(step)
+    for count, spread in ((0, 1), (20, 50), (400, 3), (1500, 12), (3000, 60)):
+        values = np.abs(step * np.rint(rng.normal(0, spread, count)) + rng.normal(0, 0.3, count))
+        values = values.astype(np.float32)
+        assert step_of(values, TUNING.raw) == naive_step_of(values, TUNING.raw)
+
+
+def naive_step_of(values, tuning):
+    """Return what `step_of` returns, one step after the other."""
+    found, best = 1, tuning.periodic
+    for step in range(2, tuning.largest_quantization + 1):
+        large = values[values > tuning.beyond_zero * step]
+        if np.count_nonzero(large > 2 * tuning.beyond_zero * step) < tuning.least_values:
+            break
+        score = np.cos(large * np.float32(2 * np.pi / step)).mean()
+        if score > best:
+            found, best = step, score
+    return found
 
 
 def test_a_half_dark_image_has_the_noise_of_its_light(usual):

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration of the sensor, and how good it is: boards, geometry, color, hand-eye, checks."""
+"""From two cameras and a projector to a calibrated sensor; no ROS."""

@@ -71,7 +71,7 @@ def run_ablation(args, plan, facts):
     whole, *off = plan.methods
     args.output.mkdir(parents=True, exist_ok=True)
     test = StressTest(plan, light_scenes(args.renders or args.output / 'renders', plan.scenes))
-    titles = [name.partition('.')[2] for name in off]
+    titles = [name.removeprefix('matching.').removeprefix('color.') for name in off]
     lines = [f'{"right share, and without":24}{whole:>9}'
              + ''.join(f'{title:>{len(title) + 2}}' for title in titles)]
     print(lines[0], flush=True)

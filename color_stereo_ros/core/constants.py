@@ -44,6 +44,8 @@ class Entry:
     provenance: Provenance
     compiled: bool
     """The value is part of the machine code: a tuning cannot replace it."""
+    off: object = None
+    """The value that switches a stage off; None: the constant is no switch."""
 
 
 def derived(how):
@@ -76,7 +78,7 @@ def unexplained(why):
     return Provenance('chosen', why, explained=False)
 
 
-def constant(value, unit, reason, provenance, *, compiled=False):
+def constant(value, unit, reason, provenance, *, compiled=False, off=None):
     """
     Return the dataclass field of a constant.
 
@@ -90,9 +92,11 @@ def constant(value, unit, reason, provenance, *, compiled=False):
     provenance : Provenance
     compiled : bool
         The kernels contain the value: it cannot be replaced at run time.
+    off : bool, int or float, optional
+        The value that switches a stage off, for ablations.
 
     """
-    return field(default=value, metadata={'unit': unit, 'reason': reason,
+    return field(default=value, metadata={'unit': unit, 'reason': reason, 'off': off,
                                           'provenance': provenance, 'compiled': compiled})
 
 

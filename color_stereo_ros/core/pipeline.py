@@ -66,12 +66,15 @@ class ColorStereo:
         self.settings = settings
         self._limits = disparity_limits(calibration.geometry, settings.range)
         self._rectifier = Rectifier(calibration, rectified_input)
-        self._method = make_method(settings, calibration, self._limits, self._rectifier)
+        self._method = self._make_method()
         self._search_at_once = search_at_once
         self._alignment = self._projector = None
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)
         self.process(black, black)
         self._alignment = self._projector = None
+
+    def _make_method(self):
+        return make_method(self.settings, self.calibration, self._limits, self._rectifier)
 
     def rectify(self, left, right):
         """

@@ -2,8 +2,8 @@
 """
 What each stage of a method is worth: every switchable setting off, one at a time.
 
-The list is derived from the settings themselves: every field that names the value that switches
-its stage off, and is on by default.
+The list is derived from settings and constants themselves: every one that names the value that
+switches its stage off, and is on by default.
 
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 from ..core import ColorSettings, MatchingSettings
 from .methods import evaluate, own_settings
 from .renders import default_pattern, paper_pattern
+from .tuned import switched_off
 
 KEYS = ('density', 'mean_percent', 'median_px', 'bad_1', 'false_share', 'milliseconds')
 
@@ -30,7 +31,8 @@ def switches(method):
     Returns
     -------
     switches : dict
-        Flat name of a setting to its value when off; not of one that the variant sets.
+        Flat name of a setting, or of a constant of the surface method, to its value when off; no
+        setting that the variant sets.
 
     """
     found, given = {}, own_settings(method)
@@ -41,7 +43,7 @@ def switches(method):
             name = f'{group.prefix}.{spec.name}'
             if mine and off is not None and spec.default != off and name not in given:
                 found[name] = off
-    return found
+    return {**found, **switched_off()} if given['matching.method'] == 'surface' else found
 
 
 def ablation(scenes, method, progress, repeats=3):

@@ -20,7 +20,7 @@ from ..core import ColorStereo, PatternSettings, Settings, Status
 from ..core.compiled import Arena
 from ..core.surface.planes import PlaneField
 from ..core.surface.trust_kernels import EVIDENCE
-from .plots import STYLE
+from ..pages.plots import STYLE
 from .renders import default_pattern, Renders
 
 SCENE = 'solids'

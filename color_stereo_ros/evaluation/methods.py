@@ -4,7 +4,7 @@
 from dataclasses import asdict, dataclass
 import time
 
-from ..core import ColorStereo, RangeResult, RectifiedPair, Settings, SettingsError
+from ..core import RangeResult, RectifiedPair, Settings, SettingsError
 from ..core.cameras.rectification import Rectifier
 from ..core.methods import METHODS
 from ..core.settings import suggestion
@@ -12,6 +12,7 @@ from ..core.surface.plane_kernels import WIDE_RADIUS
 from . import opencv_matchers
 from .metrics import measure
 from .noise_limit import compare, measured_noise, noise_limit, Window
+from .tuned import stereo_for
 
 
 REPEATS = 3
@@ -65,7 +66,7 @@ def run_method(scene, method, values=None, repeats=REPEATS):
     method : str
         One of `known_methods()`.
     values : dict, optional
-        Flat settings that override those of the scene.
+        Flat settings that override those of the scene; constants of the surface method, too.
     repeats : int
         A fast method is run so often; the shortest time counts.
 
@@ -87,8 +88,8 @@ def run_method(scene, method, values=None, repeats=REPEATS):
         result, seconds = _timed(lambda: opencv_matchers.match(method, pair, settings.range),
                                  repeats)
     else:
-        settings = Settings().updated({**flat, **own_settings(method)})
-        stereo = ColorStereo(scene.calibration, settings)
+        stereo = stereo_for(scene.calibration, Settings(), {**flat, **own_settings(method)})
+        settings = stereo.settings
         pair = stereo.rectify(scene.left, scene.right)
         result, seconds = _timed(lambda: stereo.process(scene.left, scene.right), repeats)
     return Run(method, settings, pair, result, 1e3 * seconds)

@@ -39,8 +39,8 @@ class BrightnessCarrier:
         self.nothing = np.zeros((0, 0), F4)
         self.shares = [None, None]
         self.seed = arena.full(views.left.s.shape, np.nan, F4)
-        window = (2 * tuning.planes.radius + 1) ** 2
-        self.seed_weight = F4(1 / (tuning.brightness.seed_std ** 2 * window))
+        self.window_nodes = (2 * tuning.planes.radius + 1) ** 2
+        self.seed_weight = F4(0)
         self.seeded, self.active, self.scale = False, False, F4(1)
 
     def rest(self):
@@ -139,15 +139,19 @@ class BrightnessCarrier:
                              fold, linearized.weight, linearized.moment,
                              planes.misfit, self.misfit)
 
-    def rely_on(self, found, grid):
+    def rely_on(self, found, grid, std=None):
         """
         Let planes be held by the seeds of a search.
+
+        std: standard deviation of what the seeds of a window of `planes.radius` say, px; default:
+        `seed_std`.
 
         A search knows smoothness: it is right within a pixel where the colors around a node are
         too uniform for least squares.
 
         """
         self.seed[grid.inner] = F4(2) * found.disparity + F4(found.offset)
+        self.seed_weight = F4(1 / ((std or self.tuning.seed_std) ** 2 * self.window_nodes))
         self.seeded = True
 
     def measure(self, views):

@@ -321,9 +321,12 @@ def polynomials(coefficients, terms, bounds, view, grid, shift):
     y = ((np.arange(height, dtype=F4) - PAD) * F4(2 / rows) - 1)[:, None]
     x = (((np.arange(width, dtype=F4) - first) * step - F4(shift)) * F4(1 / columns) - 1)[None]
     x, y = np.broadcast_arrays(x, y)
-    fields = np.einsum('kt,tyx->kyx', coefficients.astype(F4), np.stack(polynomial(x, y, terms)))
+    fields = np.zeros((len(coefficients), height, width), F4)
+    for k, term in enumerate(polynomial(x, y, terms)):
+        for field, coefficient in zip(fields, coefficients[:, k].astype(F4)):
+            field += coefficient * term
     low, high = bounds.astype(F4)[:, :, None, None]
-    return np.clip(fields, low, high)
+    return np.clip(fields, low, high, out=fields)
 
 
 def recolor(view, gamma, log_gain, matrix, tuning):
@@ -354,8 +357,8 @@ def recolor(view, gamma, log_gain, matrix, tuning):
     v = ROOT3 * (channels[1] - channels[2]) / total
     lit = view.s > 0
     map_u, map_v = (np.eye(2) + matrix).astype(F4)
-    view.u[lit] = (map_u[0] * u + map_u[1] * v)[lit]
-    view.v[lit] = (map_v[0] * u + map_v[1] * v)[lit]
+    np.copyto(view.u, map_u[0] * u + map_u[1] * v, where=lit)
+    np.copyto(view.v, map_v[0] * u + map_v[1] * v, where=lit)
 
 
 def soften(view, variance, softening, tuning):
@@ -388,14 +391,13 @@ def blur_light(view, softening, tuning, blur):
     """
     weight = view.s + softening
     inside = view.inside.astype(F4)
-    light = blur(cv2.merge([view.u * weight * inside, view.v * weight * inside, view.s * inside,
-                            inside]))
-    share = np.maximum(light[..., 3], F4(tuning.least_inside))
-    total = light[..., 2] + softening * share
+    u, v, light, share = cv2.split(blur(cv2.merge([
+        view.u * weight * inside, view.v * weight * inside, view.s * inside, inside])))
+    np.maximum(share, F4(tuning.least_inside), out=share)
+    total = light + softening * share
     lit = view.inside & (view.s > 0)
-    view.u[lit] = (light[..., 0] / total)[lit]
-    view.v[lit] = (light[..., 1] / total)[lit]
-    view.s[lit] = (light[..., 2] / share)[lit]
+    for plane, value in ((view.u, u / total), (view.v, v / total), (view.s, light / share)):
+        np.copyto(plane, value, where=lit)
 
 
 def blurred(light, variance, axis, tuning):
@@ -408,7 +410,8 @@ def blurred(light, variance, axis, tuning):
     stepped = (variance - F4(least)) * F4(levels / (most - least))
     for k, value in enumerate(np.linspace(least, most, levels + 1)):
         share = np.maximum(0, 1 - np.abs(stepped - F4(k)))
-        out += share[..., None] * gaussian(light, value, axis, tuning)
+        share = cv2.merge([share] * light.shape[2])  # numpy is slow to repeat it along channels
+        out += np.multiply(share, gaussian(light, value, axis, tuning), out=share)
     return out
 
 

@@ -196,7 +196,7 @@ class SurfaceMethod:
         clock.lap('judge', verdict)
         if self.follower is None or given is None:
             measurement = self.of_two(verdict)
-        elif same or self.brightness.seeded:  # no colors of the pattern show
+        elif same or self.plain:
             track = self.follower.passed(given, None if same else Reason.PLAIN)
             measurement = replace(self.of_two(verdict), projector=track)
         else:
@@ -205,20 +205,14 @@ class SurfaceMethod:
         return replace(measurement, alignment=alignment, rival_share=self.rival_share)
 
     @property
+    def plain(self):
+        """Return whether the pair in force shows no colors of the pattern."""
+        return self.brightness.seeded and not self.views.raised
+
+    @property
     def planar(self):
         """Return whether the disparities of a node lie on a plane fitted to the images."""
         return self.settings.matching.refinements > 0 and self.settings.matching.slanted
-
-    @property
-    def may_be_slow(self):
-        """
-        Return whether colors may change slowly although the pattern is not named a slow one.
-
-        Under slow patterns that are named, colors are averaged, and variances are fitted to that.
-
-        """
-        return not (self.expectation.aperiodic or self.gray
-                    or self.tuning.views.averaging_radius)
 
     @property
     def may_use_projector(self):
@@ -280,7 +274,10 @@ class SurfaceMethod:
         track = given.track
         if track.prepared is None:
             track = self.follower.prepared(track.but(agreeing=True))
+        raised = self.views.raised  # in the last pair
         views = self.views.load(left, left, np.zeros(COUNT))
+        if raised:
+            views.raise_faint_colors()
         clock.lap('colors', views)
         self.third.adopt(track.model, track.prepared, given.pattern)
         if not np.isfinite(track.smoothing):  # nobody has searched
@@ -359,10 +356,30 @@ class SurfaceMethod:
         if alignment is not None:
             self.rows.widen(planes, alignment)
         weight = self.least_squares.linearized.weight if self.brightness.active else None
-        slow = self.may_be_slow and self.shared.widen(self.views, planes, pair, weight)
+        rough = self.widen_slow(verdict, planes, pair, weight)
         self.trust.rescale(verdict, assumed, planes.variance)
-        if slow:
-            self.shared.cap(verdict)
+        if rough is not None:
+            self.shared.cap(verdict, rough)
+
+    def widen_slow(self, verdict, planes, pair, weight):
+        """
+        Widen planes.variance by errors that windows of slow colors share.
+
+        Returns `SharedErrors.roughness`; None where nothing is widened. Variances of averaged
+        colors are fitted to that already. Where detail holds the planes, named patterns need it
+        only if the ranges are rough.
+
+        """
+        averaging = self.tuning.views.averaging_radius > 0
+        if self.expectation.aperiodic or self.gray or averaging and not self.brightness.seeded:
+            return None
+        rough = 0.0
+        if self.brightness.seeded and self.settings.matching.refinements:
+            rough = self.shared.roughness(self.quality.uneven(), verdict.log_odds)
+        if averaging and not rough:
+            return None
+        slow = self.shared.widen(self.views, planes, pair, weight, rough)
+        return rough if slow else None
 
     def match_aligned(self, left, right, looks, alignment, search, clock):
         """
@@ -451,11 +468,15 @@ class SurfaceMethod:
             brightness.rely_on(seeds, views.grid)
             return seeds
         if self.expectation.aperiodic:
+            if views.raised:
+                return self.seeds_of_faint_colors(views)
             coarse = self.coarse.search(views)
             if not self.repeats(views):
                 if views.compressed:  # luma keeps the detail that chroma has lost
                     brightness.load(views)
                 return coarse
+            if self.faint_colors_show(views):
+                return self.seeds_of_faint_colors(views)
             views.common_blur = 0.0  # what repeats need not have the sharp edges of the pattern
         brightness.load(views)
         return self.detailed_seeds(views)
@@ -470,6 +491,38 @@ class SurfaceMethod:
         if self.blur_explains_rivals(views):
             self.rival_share = 0.0
         return self.rival_share > 0
+
+    def faint_colors_show(self, views):
+        """
+        Return whether both views show the pattern in faint colors, which have then been raised.
+
+        This is asked where the colors as they are seem to repeat. The tint and the noise of a gray pattern are faint, too. Raised, they match nowhere or at
+        many places, and the views stay as they are.
+
+        """
+        kept = views.raise_faint_colors()
+        if kept is None:
+            return False
+        self.coarse.search(views)
+        if self.coarse.rival_share() < self.tuning.repetition.noticed_share:
+            self.rival_share = 0.0
+            return True
+        views.lower_colors(kept)
+        self.coarse.search(views)
+        return False
+
+    def seeds_of_faint_colors(self, views):
+        """
+        Return the seeds of the search for texture, and let them hold the planes.
+
+        Raised colors are noisy, and brightness tells where they are too dim. Planes are fitted to
+        the colors alone: under strong crosstalk the pattern has little contrast in brightness.
+
+        """
+        self.suit(self.detailed)
+        found = self.texture.search(views, False)
+        self.brightness.rely_on(found, views.grid, self.tuning.brightness.faint_seed_std)
+        return found
 
     def detailed_seeds(self, views):
         """

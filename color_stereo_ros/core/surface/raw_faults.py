@@ -179,16 +179,27 @@ def quantization(image, tuning):
 
 
 def step_of(values, tuning):
-    """Return the number of which values, float32 (N,), are multiples; 1 where none is found."""
-    found, best = 1, tuning.periodic
-    for step in range(2, tuning.largest_quantization + 1):
-        large = values[values > tuning.beyond_zero * step]
-        if np.count_nonzero(large > 2 * tuning.beyond_zero * step) < tuning.least_values:
-            break
-        score = np.cos(large * F4(2 * np.pi / step)).mean()
-        if score > best:
-            found, best = step, score
-    return found
+    """
+    Return the number of which values, float32 (N,), are multiples; 1 where none is found.
+
+    Each step is scored by the values that it does not round to 0, the largest ones: they are
+    sorted once, and all steps that enough values reach are scored together.
+
+    """
+    values = np.sort(values)
+    steps = np.arange(2, tuning.largest_quantization + 1)
+    reaching = values.size - np.searchsorted(values, 2 * tuning.beyond_zero * steps, 'right')
+    steps = steps[:np.argmin(np.append(reaching >= tuning.least_values, False))]
+    if not steps.size:
+        return 1
+    first = np.searchsorted(values, tuning.beyond_zero * steps, 'right')
+    values, first = values[first[0]:], first - first[0]
+    periods = np.cos((F4(2 * np.pi) / steps.astype(F4))[:, None] * values)
+    # means over the values from `first` on
+    periods *= np.arange(values.size) >= first[:, None]
+    scores = periods.sum(axis=1) / (values.size - first)
+    best = int(np.argmax(scores))
+    return int(steps[best]) if scores[best] > tuning.periodic else 1
 
 
 def without_hot_pixels(image, tuning):

@@ -16,6 +16,10 @@ class SharedErrors:
     does not show it: the window has moved to where colors agree. But colors have two components.
     The one across the direction in which colors change stays as wrong as it is, and tells.
 
+    Brightness may hold a window in place. Texture of a surface does; mirror images and shading of
+    bare surfaces do not. They have no depth of their own, and the planes that follow them are
+    rough. Where most ranges of a pair are rough, brightness holds nothing.
+
     Parameters
     ----------
     grid : HalfGrid
@@ -27,7 +31,24 @@ class SharedErrors:
         """Keep the constants."""
         self.grid, self.tuning = grid, tuning
 
-    def widen(self, views, planes, pair, weight):
+    def roughness(self, uneven, log_odds):
+        """
+        Return how surely the ranges of a pair are too rough for surfaces, 0..1.
+
+        Parameters
+        ----------
+        uneven : numpy.ndarray, float32, shape (rows, columns)
+            See `Quality.uneven`.
+        log_odds : numpy.ndarray, float32, framed
+            Nodes above 0 have a range.
+
+        """
+        known = uneven[log_odds[self.grid.inner] > 0]
+        if known.size < self.tuning.least_nodes:
+            return 0.0
+        return float(np.interp(np.median(known), self.tuning.rough, (0, 1)))
+
+    def widen(self, views, planes, pair, weight, rough=0.0):
         """
         Raise the variance of planes to that of shared errors, where the pair has slow colors.
 
@@ -39,6 +60,8 @@ class SharedErrors:
         weight : numpy.ndarray, float32, framed, or None
             Of all carriers at each node, 1/px^2: colors take part with their share of it. None
             where colors alone count.
+        rough : float
+            See `roughness`.
 
         Returns
         -------
@@ -53,8 +76,8 @@ class SharedErrors:
         if not self.steady(near, wide, lit):
             return False
         variance = planes.variance[self.grid.inner]
-        np.maximum(variance, self.variance(left, wide, lit, views, planes, pair, weight),
-                   out=variance)
+        shared = self.variance(left, wide, lit, views, planes, pair, weight, rough)
+        np.maximum(variance, shared, out=variance)
         return True
 
     def steady(self, near, wide, lit):
@@ -65,11 +88,14 @@ class SharedErrors:
                       for slopes in (near, wide))
         return bool(wide > self.tuning.steady * near)
 
-    def variance(self, left, slopes, lit, views, planes, pair, weight):
+    def variance(self, left, slopes, lit, views, planes, pair, weight, rough):
         """Return the variance of d by shared errors alone, px^2, float32 (rows, columns)."""
         tuning = self.tuning
         along = [self.mean(each) for each in slopes]
         steepness = np.maximum(np.hypot(*along), F4(tuning.least_slope))
+        if rough:  # what is much steeper than usual is the edge of a mirror image
+            steepest = F4(tuning.steepest) * np.median(steepness[lit])
+            steepness = np.minimum(steepness, np.maximum(steepest, F4(1 - rough) * steepness))
         right, noise = self.matched(views, planes, pair.matrix)
         known = lit & (noise < SILENT_VARIANCE)
         rest = [np.where(known, mine - other, F4(0)) for mine, other in zip(left, right)]
@@ -82,6 +108,7 @@ class SharedErrors:
         noise = F4(pair.scale) * (views.left.variance[self.grid.inner] + noise)
         informed = self.mean(np.nan_to_num(weight[self.grid.inner])) * noise
         part = steepness * steepness / np.maximum(informed, steepness * steepness)
+        part += F4(rough) * (F4(1) - part)
         return error * (part / steepness) ** 2
 
     def root_mean(self, errors, known):
@@ -106,12 +133,22 @@ class SharedErrors:
         """Return means over the window of a plane."""
         return cv2.blur(plane, (self.tuning.window,) * 2)
 
-    def cap(self, verdict):
-        """Lower verdict.log_odds to those of a normal error that stays within a pixel."""
+    def cap(self, verdict, rough=0.0):
+        """
+        Lower verdict.log_odds to those of a normal error that stays within a pixel.
+
+        In a rough pair the deviation of a node counts as at least the usual one of its ranges:
+        single nodes look precise by chance. rough: see `roughness`.
+
+        """
         stds, odds = self.tuning.capped_odds
-        limits = np.interp(verdict.std, stds, odds).astype(F4)
+        deviation = verdict.std
+        if rough:
+            usual = np.median(deviation[verdict.log_odds > 0])
+            deviation = np.maximum(deviation, F4(rough) * usual)
+        limits = np.interp(deviation, stds, odds).astype(F4)
         np.minimum(verdict.log_odds, limits, out=verdict.log_odds,
-                   where=verdict.std > F4(stds[0]))
+                   where=deviation > F4(stds[0]))
 
 
 def slope(plane, span):

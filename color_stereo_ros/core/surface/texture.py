@@ -42,20 +42,14 @@ class TextureSearch:
         """Return the number of disparities that OpenCV's matchers take in place of a count."""
         return whole(max(count, 1), self.tuning.disparity_step)
 
-    def matcher(self, channels, count, speckles=0):
-        """
-        Return OpenCV's matcher for images of 1 or 3 channels and so many disparities.
-
-        speckles: surfaces of up to so many pixels are dropped.
-
-        """
+    def matcher(self, channels, count):
+        """Return OpenCV's matcher for images of 1 or 3 channels and so many disparities."""
         tuning = self.tuning
         small, large = (penalty * channels * tuning.block ** 2 for penalty in tuning.penalties)
         return cv2.StereoSGBM_create(
             minDisparity=0, numDisparities=count, blockSize=tuning.block, P1=small,
             P2=large, disp12MaxDiff=tuning.agreement, preFilterCap=tuning.gradient_cap,
-            uniquenessRatio=0, speckleWindowSize=speckles, speckleRange=1,
-            mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY)
+            uniquenessRatio=0, speckleWindowSize=0, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY)
 
     def search(self, views, gray):
         """
@@ -86,22 +80,24 @@ class TextureSearch:
         """
         Return the first disparity and the number of those at which a small pair shows surfaces.
 
-        Tiny surfaces do not count.
+        Tiny surfaces do not count, nor places that match by chance, as dark and hidden ones do.
 
         """
         tuning, shrinking = self.tuning, self.tuning.shrinking
         rows, columns = images[0].shape[:2]
         size = max(1, columns // shrinking), max(1, rows * 2 // shrinking)
-        small = [np.atleast_3d(cv2.resize(each, size, interpolation=cv2.INTER_AREA))
-                 for each in images]
+        small = [cv2.resize(each, size, interpolation=cv2.INTER_AREA).reshape(
+            *size[::-1], each.shape[2]) for each in images]
         first, count = self.first // shrinking, self.taken(self.count // shrinking + 1)
-        matcher = self.matcher(small[0].shape[2], count, tuning.least_surface)
-        found = shrinking * matched(matcher, small, first, count)
-        if not np.isfinite(found).any():
+        found = matched(self.matcher(small[0].shape[2], count), small, first, count)
+        found[~(likeness(small, found, tuning.alike_window) > tuning.least_alike)] = np.nan
+        drop_small_surfaces(found, tuning.least_surface)
+        kept = shrinking * np.sort(found[np.isfinite(found)])
+        if not kept.size:
             return self.first, self.count
-        margin = tuning.disparity_margin
-        low = max(self.first, math.floor(np.nanmin(found)) - margin)
-        high = min(self.first + self.count - 1, math.ceil(np.nanmax(found)) + margin)
+        beyond, margin = int(tuning.beyond_share * kept.size), tuning.disparity_margin
+        low = max(self.first, math.floor(kept[beyond]) - margin)
+        high = min(self.first + self.count - 1, math.ceil(kept[-1 - beyond]) + margin)
         return low, self.taken(high - low + 1)
 
     def image(self, view, channels):
@@ -142,6 +138,50 @@ def matched(matcher, images, first, count):
     found = raw.astype(F4) * F4(1 / 16) + F4(first)
     found[raw < 0] = np.nan
     return found
+
+
+def likeness(images, disparity, window):
+    """
+    Return how alike two images are around the matches, float32 (h, w), -1 .. 1.
+
+    The normalized cross-correlation of the brightness in windows; NaN where there is no match. Places without
+    contrast are not alike.
+
+    Parameters
+    ----------
+    images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
+    disparity : numpy.ndarray, float32, shape (h, w)
+        Columns of the right image, NaN = unknown.
+    window : int
+        Width and height of the windows, px.
+
+    """
+    columns = disparity.shape[1]
+    known = np.isfinite(disparity)
+    place = np.arange(columns) - np.where(known, np.rint(disparity), 0).astype(np.int64)
+    np.clip(place, 0, columns - 1, out=place)
+    left, right = (image.mean(axis=2, dtype=F4) for image in images)
+    right = np.take_along_axis(right, place, axis=1)
+
+    def mean(values):
+        return cv2.blur(values, (window, window))
+
+    left_mean, right_mean = mean(left), mean(right)
+    quantization = F4(1)  # DN^2: rounding alone has no contrast
+    spreads = [np.maximum(mean(each * each) - middle * middle, quantization)
+               for each, middle in ((left, left_mean), (right, right_mean))]
+    covariance = mean(left * right) - left_mean * right_mean
+    return np.where(known, covariance / np.sqrt(spreads[0] * spreads[1]), F4(np.nan))
+
+
+def drop_small_surfaces(disparity, size):
+    """Write NaN into a disparity, float32 (h, w), where a surface has at most `size` px."""
+    unknown = np.iinfo(np.int16).min
+    steps = 16  # of a px: cv2.filterSpeckles takes int16
+    fixed = np.where(np.isfinite(disparity), np.rint(disparity * F4(steps)), F4(unknown))
+    fixed = fixed.astype(np.int16)
+    cv2.filterSpeckles(fixed, unknown, size, steps)
+    disparity[fixed == unknown] = np.nan
 
 
 def between_nodes(image):

@@ -190,7 +190,7 @@ class ViewTuning(Constants):
         derived('Under hue_field one channel is dark everywhere.'))
     dark_difference: float = constant(
         2.5, 'DN', 'Difference of the dark levels of both views that is no chance.',
-        chosen('Clean pairs stay within 2 DN.'))
+        chosen('Clean pairs stay within 2 DN.'), off=-1.0)
     usual_dark_level: float = constant(
         3.0, 'DN', 'Largest dark level that is assumed where nothing dark is seen.',
         chosen('Cameras are built so that black is just above 0.'))
@@ -209,7 +209,7 @@ class ViewTuning(Constants):
                           'under one sine were off by 4 px.'))
     block_difference: float = constant(
         0.08, '1', 'Smallest difference of the log balance for gains of their own.',
-        chosen('Other contents explain .04. Smaller ones are found from matches.'))
+        chosen('Other contents explain .04. Smaller ones are found from matches.'), off=math.inf)
     sample_step: int = constant(
         5, 'px', 'Largest distance of the pixels that dark level and channel means look at.',
         chosen('Odd, so that all pixels of a mosaic count alike. Of 16 px, the means of a view with '
@@ -232,11 +232,20 @@ class ViewTuning(Constants):
     unlike_contrast: float = constant(
         2.5, '1', 'Ratio of the contrasts of the colors of both views from which the weaker one is '
         'raised.', chosen('Gamma or crosstalk .15 in one camera: 1.4 to 1.9, which the color '
-                          'matrix mends. Crosstalk .3: 10, and no node matches.'))
+                          'matrix mends. Crosstalk .3: 10, and no node matches.'), off=math.inf)
     left_contrast: float = constant(
         2.0, '1', 'Ratio of the contrasts that is left to the color matrix.',
         chosen('1 and 1.5: no ranges on effector_bin, whose dim nodes then drown in noise; casting '
                'and airplane .92 and .97 right with each of them.'))
+    faint_contrast: float = constant(
+        0.35, '1', 'Contrast of the colors of both views below which it is raised.',
+        chosen('Crosstalk .2 in both: .42 to .45, raised right .876 -> .895 and .946 -> .940 '
+               '(effector_bin, casting). Crosstalk .25: .26 to .28, .823 -> .870 and .937 -> '
+               '.938.'))
+    usual_contrast: float = constant(
+        1.05, '1', 'Contrast of colors to which it is raised.',
+        chosen('That of the default pattern. .6: right .769 -> .784, wrong above confidence .9 '
+               '1.7 -> 2.2 % (effector_bin, crosstalk .3 in both).'))
     contrast_step: int = constant(
         4, 'nodes', 'Distance of the nodes that tell the contrast.', derived('5,000 are enough.'))
     contrast_nodes: int = constant(
@@ -527,7 +536,7 @@ class UnlikeTuning(Constants):
         derived('The weight of the node itself stays positive.'))
     common: bool = constant(
         True, '1', 'Doubt pairs that are blurred in both views alike.',
-        derived('Aperiodic colors have edges that are as sharp as the views.'))
+        derived('Aperiodic colors have edges that are as sharp as the views.'), off=False)
     edge_rows: int = constant(
         16, 'px', 'Distance of the rows whose sharpest edges are looked at.',
         chosen('30 rows of an image of 480, .0005 s.'))
@@ -769,7 +778,7 @@ class QualityTuning(Constants):
     pull_gain: float = constant(
         QUALITY['pull_gain'], '1', 'Factor of the variance per squared mean root pull where the '
         'second difference is 1 px; 0: variances stay.',
-        QUALITY.provenance('pull_gain'))
+        QUALITY.provenance('pull_gain'), off=0.0)
     factor_limits: tuple = constant(
         (0.02, 200.0), '1', 'Smallest and largest factor of the variance.',
         chosen('Crosstalk in one camera asks for .06; the largest is far from any pair.'))
@@ -810,7 +819,7 @@ class StepTuning(Constants):
         30, '1', 'Samples beside steps below which nothing is doubted.',
         chosen('A median of fewer is chance.'))
     odds: float = constant(
-        STEPS['odds'], '1', 'Log-odds that are lost.', STEPS.provenance('odds'))
+        STEPS['odds'], '1', 'Log-odds that are lost.', STEPS.provenance('odds'), off=0.0)
     kept_odds: float = constant(
         1.9, '1', 'Log-odds that every node keeps: a confidence of .87.',
         derived('Below .9, and above every usual `matching.min_confidence`: no range is lost.'))
@@ -849,7 +858,18 @@ class SharedTuning(Constants):
         1.4, '1', 'Variance of the errors along the slope, per fourth power of the mean root of '
         'those across.',
         chosen('2.2 holds for normal errors without a direction. Those along one sine and one '
-               'sweep are .5 to 1.2 times as large as those across, three scenes.'))
+               'sweep are .5 to 1.2 times as large as those across, three scenes.'), off=0.0)
+    rough: tuple = constant(
+        (-0.5, -0.35), 'ln px', 'Median of the logarithm of the second difference of ranges from '
+        'which brightness begins to hold nothing, and from which it holds nothing.',
+        chosen('Slow colors, detailed brightness, five scenes: bare effector_bin and barrel -.33 '
+               'to .16 (.39 to .51 of the ranges right), all others -.57 and less (.77 and more '
+               'right).'))
+    steepest: float = constant(
+        2.0, '1', 'Slope of colors over its median up to which it counts in rough pairs.',
+        chosen('effector_bin, one sine and one sweep, bare: wrong of those above .9 without a '
+               'limit 30 to 82 %, 3: 9 to 94 %, 2: none is above .9; z68 .8 to 1.0, .8 to .9, '
+               '.6 to .8.'))
     capped_odds: tuple = constant(
         ((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0), (7.06, 4.37, 3.04, 2.25, 1.71, 1.32, 0.77)), '1',
         'Standard deviations, px, and the log-odds that a normal error stays within 1 px.',
@@ -913,9 +933,20 @@ class BrightnessTuning(Constants):
     shrinking: int = constant(
         4, 'px', 'Width and height of the pixels of the small pair.',
         unexplained('A search of the small pair takes a 32nd of the time of the large one.'))
+    alike_window: int = constant(
+        5, 'px', 'Width and height of the windows of the small pair that must be alike.',
+        unexplained('Chance rarely makes 25 px alike, and most surfaces are larger.'))
+    least_alike: float = constant(
+        0.85, '1', 'Normalized cross-correlation of such windows from which a match counts.',
+        chosen('Eight pairs of casting whose disparities are -118 .. -62 px: -122 .. -65 px are '
+               'left. .7: up to -212 or 41 px in four of them.'))
     least_surface: int = constant(
         12, 'px', 'Size of a surface in the small pair up to which it does not count.',
-        unexplained('Chance makes smaller ones; 14 x 14 px of the image.'))
+        chosen('Chance makes smaller ones; 14 x 14 px of the image. 8: disparities up to -212 px '
+               'in one of those pairs.'))
+    beyond_share: float = constant(
+        0.002, '1', 'Share of the matches of the small pair that may lie beyond the disparities on '
+        'either side.', chosen('0: disparities up to 47 px in two of those pairs.'))
     disparity_margin: int = constant(
         12, 'px', 'Disparities that are searched beyond those of the small pair.',
         derived('Three columns of the small pair.'))
@@ -926,6 +957,11 @@ class BrightnessTuning(Constants):
         0.15, 'px', 'Standard deviation of what the seeds of a window of `planes.radius` say.',
         chosen('.25: .8687 instead of .8743 right, eight pairs of casting and effector_bin whose '
                'brightness counts; hi .81 instead of .93 %.'))
+    faint_seed_std: float = constant(
+        0.3, 'px', 'As `seed_std`, where faint colors of the pattern were raised.',
+        chosen('.15: right .776 -> .769, wrong above confidence .9 .79 -> .62 %, z68 1.68 -> 1.51 '
+               '(effector_bin, crosstalk .3 in both); casting .928 -> .927, .12 -> .08 %, 1.27 -> '
+               '1.01.'))
     inertia: float = constant(
         0.5, '1', 'By how much the plane of a neighbor must fit better, see `neighbors.inertia`.',
         chosen('Unlit pair .793 -> .816 right; 1: .01 more right and .01 more wrong.'))
@@ -935,7 +971,7 @@ class BrightnessTuning(Constants):
     disputed_distance: float = constant(
         1.0, 'px', 'Distance of a seed from a plane from which the seed replaces the plane.',
         chosen('A plane further away is not the same match. Eight pairs of casting and '
-               'effector_bin: right .8585 -> .8687, hi .91 -> .81 %.'))
+               'effector_bin: right .8585 -> .8687, hi .91 -> .81 %.'), off=math.inf)
     disputed_border: float = constant(
         4.0, 'px', 'Distance from the border of the right view up to which a seed replaces '
         'nothing.', derived('The windows of the search reach 2 px; a match moves by some px.'))
@@ -947,7 +983,7 @@ class BrightnessTuning(Constants):
         chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
     detailed_share: float = constant(
         0.5, '1', 'Share of nodes with so much detail from which brightness counts.',
-        unexplained('Half of the nodes.'))
+        unexplained('Half of the nodes.'), off=math.inf)
     least_explained: float = constant(
         0.8, '1', 'As `unlike.least_explained`, where brightness counts and the views fit well.',
         chosen('Colored patterns .91 to .98; gray speckle and faint colors of print .6 to .74: '
@@ -959,7 +995,8 @@ class BrightnessTuning(Constants):
     agreement_odds: float = constant(
         1.5, '1', 'Added to the log-odds of nodes whose plane the search confirms, and taken from '
         'those where it contradicts.',
-        chosen('Accepted nodes are right by .98 where it confirms them, by .5 where it does not.'))
+        chosen('Accepted nodes are right by .98 where it confirms them, by .5 where it does not.'),
+        off=0.0)
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,11 @@ class Views:
         Blur that was evened out in the pair in force, px^2, see `even.apply`.
     common_blur : float
         Blur of both views of the pair in force, px^2; 0 where one of them is sharp.
+    raised : bool
+        The colors of both views of the pair in force were faint, see `raise_faint_colors`.
+    contrasts : (float, float)
+        Lower and higher contrast of the colors of both views of the pair in force as loaded; 0
+        where it is not known. Only measured under aperiodic patterns.
     quantization : float
         Of the last such pair, DN, see `raw_faults.quantization`.
 
@@ -86,6 +91,7 @@ class Views:
         self.saturation = settings.color.saturation_level - 1
         self.quantization = 1.0
         self.evened = self.common_blur = 0.0
+        self.raised, self.contrasts = False, (0.0, 0.0)
 
     def load(self, left, right, applied, looks=None):
         """
@@ -108,7 +114,7 @@ class Views:
         """
         if self.moved is not None:
             self.moved.move(applied)
-        self.evened = 0.0
+        self.evened, self.raised = 0.0, False
         color = self.settings.color
         looks = looks or self.looker.look(left, right)
         if any(look.hot for look in looks):
@@ -141,10 +147,39 @@ class Views:
         if not math.isfinite(tuning.unlike_contrast):
             return
         left, right = (view.contrast(self.raw.least_light) for view in (self.left, self.right))
-        least, most = sorted((left, right))
+        self.contrasts = least, most = min(left, right), max(left, right)
         if least > 0 and most > tuning.unlike_contrast * least:
             weak = self.left if left < right else self.right
             weak.raise_contrast(F4(most / least / tuning.left_contrast))
+
+    def raise_faint_colors(self):
+        """
+        Raise the contrast of the colors of both views where it is far below that of a pattern.
+
+        Equal crosstalk of all channels keeps their sum and shrinks the chromaticities. A factor
+        undoes it. Their noise grows by the same factor.
+
+        Returns
+        -------
+        kept : list of numpy.ndarray or None
+            The colors as they were; None where nothing has changed.
+
+        """
+        (least, most), tuning = self.contrasts, self.tuning
+        # half of a compressed color is luma
+        if self.compressed or least == 0 or most >= tuning.faint_contrast:
+            return None
+        kept = self.copied()
+        for view in (self.left, self.right):
+            view.raise_contrast(F4(tuning.usual_contrast / most))
+        self.raised = True
+        return kept
+
+    def lower_colors(self, kept):
+        """Undo `raise_faint_colors`, which has returned this."""
+        for each, old in zip(self.colors(), kept):
+            each[:] = old
+        self.raised = False
 
     def copied(self):
         """Return what `restore` takes: the colors of both views as they are now."""
@@ -354,8 +389,8 @@ class View:
         across = self.s * (along_u * self.v - along_v * self.u)
         across = (self.mean_inside(across, smoothing, F4(0))
                   / self.mean_inside(self.s, smoothing))
-        self.u[lit] = (along_u * own - along_v * across)[lit]
-        self.v[lit] = (along_v * own + along_u * across)[lit]
+        np.copyto(self.u, along_u * own - along_v * across, where=lit)
+        np.copyto(self.v, along_v * own + along_u * across, where=lit)
 
     def mean_inside(self, plane, deviation, least=F4(1)):
         """

@@ -8,13 +8,11 @@ from ...core.pipeline import KERNELS, Stopwatch
 from ...core.surface.trust_kernels import APART, STD_PER_DISTANCE, VARIANCE_FACTOR
 from . import disturbed
 from .nodes import method_with, pattern_tuning
-from .regression import equal_shares
 
 SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
 CASES = 'none', *disturbed.APERIODIC, *disturbed.DETAILED
-FREEDOM = 4.0    # of the Student distribution: errors beyond are wrong planes, no noise
-GAINS = np.geomspace(0.5, 50, 81)
-POWERS = np.linspace(0, 1, 41)
+GAINS = np.geomspace(0.5, 50, 41)
+POWERS = np.linspace(0, 1, 21)
 SPREAD = 68      # %: 1 is an honest |error| / standard deviation there
 RIGHT = 1.0      # px
 
@@ -73,18 +71,18 @@ def deviation(samples, gain, power):
 
 
 def fitted_factor(samples):
-    """Return gain and power of the largest likelihood of a Student distribution; pairs alike."""
-    share = equal_shares([len(each) for each in samples])
-    every = np.concatenate(samples)
-
-    def likelihood(gain, power):
-        std = np.maximum(deviation(every, gain, power), 1e-6)
-        return share @ (-np.log(std) - (FREEDOM + 1) / 2 * np.log1p(
-            (every[:, 0] / std) ** 2 / FREEDOM))
-
-    found = [(likelihood(gain, power), gain, power) for gain in GAINS for power in POWERS]
-    _, gain, power = max(found)
+    """Return gain and power under which the spreads are nearest to 1, by ratio; pairs alike."""
+    parts = [part for each in samples for part in halves(each) if len(part)]
+    found = [(sum(np.log(spread(part, gain, power)) ** 2 for part in parts), gain, power)
+             for gain in GAINS for power in POWERS]
+    _, gain, power = min(found)
     return float(gain), float(power)
+
+
+def halves(samples):
+    """Return the samples of a pair where it is more even than usual, and where it is less so."""
+    even = samples[:, 4] <= np.median(samples[:, 4]) if len(samples) else np.zeros(0, bool)
+    return samples[even], samples[~even]
 
 
 def spread(samples, gain, power):

@@ -26,8 +26,8 @@ def fit(pairs, options):
     """Fit to pairs, see `trust.fit`; returns the constants of `Trust.temper`."""
     samples = [samples_of(pair) for pair in options.progress(pairs)]
     weights = fitted_weights(samples)
-    return ({'tempered_odds': round(weights[0], 2), 'tempered_factor': round(weights[1], 2),
-             'rough_odds': round(-weights[2], 2)},
+    odds, factor, rough = (round(float(weight), 2) for weight in weights * (1, 1, -1))
+    return ({'tempered_odds': odds, 'tempered_factor': factor, 'rough_odds': rough},
             [f'{pair.name}: wrong of the sure nodes {wrong_of_sure(each, (0, 1, 0)):.2%} -> '
              f'{wrong_of_sure(each, weights):.2%}' for pair, each in zip(pairs, samples)])
 

@@ -7,9 +7,11 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from ...files.atomic import write_text
+from ...pages.html import CSS, figure, note, section, table
+from ...pages.plots import as_svg, plain_numbers, styled
 from ..opencv_matchers import METHODS as OPENCV
-from ..plots import as_svg, color_of, label_of, plain_numbers, styled
-from ..report import CSS, figure, formatted, note, section, table
+from ..plots import color_of, label_of
+from ..report import formatted
 from .runs import averages, verdict
 
 COLUMNS = (

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...core import ColorStereo, Settings, SettingsError
+from ...core import Settings, SettingsError
 from ...core.cameras.rectification import Rectifier
 from .. import opencv_matchers
 from ..ablation import switches
 from ..methods import own_settings
 from ..metrics import Truth, words
+from ..tuned import stereo_for
 from .disturbances import chosen, DISTURBANCES
 from .light import MAIN, QUICK
 from .shot import moved, Shots
@@ -42,7 +43,7 @@ class StressPlan:
     values: dict = field(default_factory=dict)
     """Flat settings that override those of the scenes and disturbances."""
     variants: dict = field(default_factory=dict)
-    """Name in `methods` of a method with other settings: (method, flat settings)."""
+    """Name in `methods` of a method with other settings or constants: (method, flat values)."""
 
     @classmethod
     def quick(cls, **values):
@@ -177,8 +178,8 @@ class StressTest:
 
         def own(name):
             method, values = self.plan.variants.get(name, (name, {}))
-            return ColorStereo(scene.calibration, settings.updated(
-                {**values, **own_settings(method)})).process
+            return stereo_for(scene.calibration, settings,
+                              {**values, **own_settings(method)}).process
 
         return [(name, opencv(name), True) if name in opencv_matchers.METHODS else
                 (name, own(name), False) for name in self.plan.methods]

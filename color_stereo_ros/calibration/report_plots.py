@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plots of the report about a calibration, each a self-contained piece of HTML."""
+
+from matplotlib.figure import Figure
+import numpy as np
+
+from ..pages.plots import as_image, as_svg, styled
+from .pairs import SIDES
+
+COLORS = dict(zip(SIDES, ('#1f4e8c', '#c8553d')))
+DROPPED = '#d98324'
+ARROW = 0.06       # of the image's width: the longest arrow of a residual
+LONGEST = 99.0     # percentile of the residuals that gets an arrow of that length
+BINS = 41
+MAP_LEVELS = 12
+
+
+@styled
+def residual_plot(size, pixels, residuals):
+    """
+    Plot the residuals over both images, much enlarged.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height, px.
+    pixels, residuals : dict by 'left' and 'right'
+        float64 (n, 2), px: places of the corners, and measured minus predicted place.
+
+    Returns
+    -------
+    html : str
+
+    """
+    figure = Figure((10.4, 4.1))
+    longest = max(np.percentile(np.linalg.norm(np.concatenate(list(residuals.values())), axis=1),
+                                LONGEST), 1e-9)
+    factor = ARROW * size[0] / longest
+    for axes, side in zip(figure.subplots(1, 2), SIDES):
+        _image_axes(axes, size, f'{side}, x {factor:.0f}')
+        axes.quiver(*pixels[side].T, *(factor * residuals[side]).T, angles='xy',
+                    scale_units='xy', scale=1, width=0.0016, color=COLORS[side])
+    return as_image(figure)
+
+
+@styled
+def residual_histogram(residuals):
+    """Plot how often residuals of each size occur, both coordinates; as `residual_plot`."""
+    figure = Figure((6.4, 2.7))
+    axes = figure.subplots()
+    every = np.concatenate([each.ravel() for each in residuals.values()])
+    reach = 4 * max(1.4826 * np.median(np.abs(every)), 1e-9)
+    for side in SIDES:
+        axes.hist(residuals[side].ravel(), np.linspace(-reach, reach, BINS), histtype='step',
+                  color=COLORS[side], lw=1.6, label=side)
+    axes.set(xlabel='measured minus predicted place, px', ylabel='coordinates')
+    axes.legend()
+    return as_svg(figure)
+
+
+@styled
+def coverage_plot(size, pixels):
+    """Plot where corners were seen in both images; arguments as `residual_plot`."""
+    figure = Figure((10.4, 4.1))
+    for axes, side in zip(figure.subplots(1, 2), SIDES):
+        _image_axes(axes, size, f'{side}, {len(pixels[side])} corners')
+        axes.plot(*pixels[side].T, '.', ms=2.2, color=COLORS[side], alpha=0.55)
+    return as_image(figure)
+
+
+@styled
+def depth_map_plot(size, depths, maps):
+    """
+    Plot the standard deviation of the depth over the image at some depths.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Of the rectified image, px.
+    depths : sequence of float
+        m.
+    maps : sequence of numpy.ndarray, float64, shape (R, C)
+        mm, over a grid that spans the image; NaN where a camera does not see the place.
+
+    Returns
+    -------
+    html : str
+
+    """
+    figure = Figure((11.2, 3.2))
+    for axes, depth, values in zip(figure.subplots(1, len(depths)), depths, maps):
+        _image_axes(axes, size, f'Z = {1e3 * depth:.0f} mm')
+        known = values[np.isfinite(values)]
+        if not known.size:
+            continue
+        shown = axes.imshow(values, extent=(-0.5, size[0] - 0.5, size[1] - 0.5, -0.5),
+                            cmap='viridis', vmin=known.min(), vmax=known.max())
+        axes.set_aspect('equal')
+        figure.colorbar(shown, ax=axes, shrink=0.72, format='%.3g', label='mm')
+    return as_image(figure)
+
+
+@styled
+def depth_curve_plot(depths, calibration, sigma_px, matching):
+    """
+    Plot the standard deviation of the depth over the depth, on the axis.
+
+    Parameters
+    ----------
+    depths, calibration, matching : numpy.ndarray, float64, shape (n,)
+        m; mm from the calibration; mm from disparities of `sigma_px`.
+    sigma_px : float
+
+    Returns
+    -------
+    html : str
+
+    """
+    figure = Figure((6.4, 2.9))
+    axes = figure.subplots()
+    axes.plot(1e3 * depths, calibration, color='#0b7a5b', lw=2, label='by the calibration')
+    axes.plot(1e3 * depths, matching, '--', color='#8a94a6',
+              label=f'by matching, {sigma_px:g} px, each pixel')
+    axes.set(xlabel='Z, mm', ylabel='standard deviation, mm', ylim=(0, None))
+    axes.legend()
+    return as_svg(figure)
+
+
+@styled
+def rows_plot(size, places, rows, sigma):
+    """
+    Plot row errors of the rectified corners over the image, and beside what is expected.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Of the rectified image, px.
+    places : numpy.ndarray, float64, shape (n, 2)
+        Rectified left pixels.
+    rows : numpy.ndarray, float64, shape (n,)
+        y_left - y_right, px.
+    sigma : float
+        px, of the calibration alone, in the middle of the image.
+
+    Returns
+    -------
+    html : str
+
+    """
+    figure = Figure((10.4, 3.6))
+    image, histogram = figure.subplots(1, 2)
+    reach = max(np.percentile(np.abs(rows), 98), 1e-6)
+    _image_axes(image, size, 'row error of the corners')
+    shown = image.scatter(*places.T, c=rows, s=7, cmap='coolwarm', vmin=-reach, vmax=reach)
+    figure.colorbar(shown, ax=image, shrink=0.72, format='%.2g', label='px')
+    histogram.hist(rows, np.linspace(-2 * reach, 2 * reach, BINS), color='#8a94a6')
+    for place in (-sigma, sigma):
+        histogram.axvline(place, color='#0b7a5b', lw=1.4,
+                          label='1 sigma of the calibration' if place > 0 else None)
+    histogram.set(xlabel='row error, px', ylabel='corners')
+    histogram.legend()
+    return as_svg(figure)
+
+
+@styled
+def view_plot(names, rms, used):
+    """
+    Plot the residual of each view.
+
+    Parameters
+    ----------
+    names : sequence of str
+    rms : numpy.ndarray, float64, shape (n,)
+        px; NaN = unknown.
+    used : sequence of bool
+
+    Returns
+    -------
+    html : str
+
+    """
+    figure = Figure((10.4, 2.6))
+    axes = figure.subplots()
+    colors = ['#0b7a5b' if each else DROPPED for each in used]
+    axes.bar(range(len(names)), np.nan_to_num(rms), color=colors, width=0.7)
+    axes.set(ylabel='rms residual, px', xlim=(-0.6, len(names) - 0.4))
+    axes.set_xticks(range(len(names)), names, rotation=70, ha='right', fontsize=7)
+    return as_svg(figure)
+
+
+def _image_axes(axes, size, title):
+    """Let axes show an image: y downwards, equal scales, its frame."""
+    axes.set(xlim=(-0.5, size[0] - 0.5), ylim=(size[1] - 0.5, -0.5), title=title, aspect='equal')
+    axes.grid(False)
+    for spine in axes.spines.values():
+        spine.set_visible(True)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Views of a board: what both cameras see of it, and how sharp."""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from ..errors import CalibrationError
+from .edge_width import edge_width
+from .pairs import SIDES
+
+BLURRED = 2.0   # times the usual width of the edges; chosen: the lens alone changes less
+BLUNT = 4.0     # px: edges that are sharper are never called blurred
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One pose of the board before both cameras."""
+
+    name: str
+    sizes: tuple
+    """(width, height) of the left and of the right image, px."""
+    left: object
+    """Detection, or None where the left image does not show the board."""
+    right: object
+    """As `left`."""
+    widths: tuple = (np.nan, np.nan)
+    """Widths of the edges in the left and in the right image, px; NaN = unknown."""
+    skew: int = 0
+    """Stamp of the right image minus that of the left one, ns."""
+    problem: str = None
+    """Why the view is of no use, or None."""
+
+    @property
+    def detections(self):
+        """Return what both cameras see."""
+        return self.left, self.right
+
+
+def detect_view(board, pair):
+    """
+    Find the board in both images of a pair.
+
+    Parameters
+    ----------
+    board : Board
+    pair : ImagePair
+
+    Returns
+    -------
+    view : View
+        Without a verdict on its sharpness, which needs the other views.
+
+    Raises
+    ------
+    ImageError, RecordingError
+        If an image cannot be read.
+
+    """
+    grays = [gray_of(image) for image in pair.images()]
+    found = [board.detect(gray) for gray in grays]
+    widths = tuple(np.nan if each is None else edge_width(board, each, gray)
+                   for each, gray in zip(found, grays))
+    return View(pair.name, tuple(gray.shape[::-1] for gray in grays), *found, widths, pair.skew,
+                None if any(found) else 'the board is found in neither image')
+
+
+def gray_of(image):
+    """Return an image, uint8 (H, W, 3) RGB, as gray, uint8 (H, W)."""
+    return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+
+
+def check_sizes(views):
+    """
+    Refuse views of different resolutions.
+
+    Parameters
+    ----------
+    views : list of View
+
+    Returns
+    -------
+    size : (int, int)
+        Width and height of all images, px.
+
+    Raises
+    ------
+    CalibrationError
+        Names a view of each size.
+
+    """
+    sizes = Counter(size for view in views for size in view.sizes)
+    if len(sizes) == 1:
+        return next(iter(sizes))
+    usual = [Counter(view.sizes[side] for view in views).most_common(1)[0][0]
+             for side in range(2)]
+    if usual[0] != usual[1]:
+        raise CalibrationError(f'left images have {_size(usual[0])}, right images '
+                               f'{_size(usual[1])}: set both cameras to the same resolution')
+    odd = next((view, side) for view in views for side in range(2)
+               if view.sizes[side] != usual[0])
+    raise CalibrationError(
+        f'images of {len(sizes)} resolutions: the {SIDES[odd[1]]} image of {odd[0].name} has '
+        f'{_size(odd[0].sizes[odd[1]])}, {sizes[usual[0]]} others have {_size(usual[0])}; '
+        'calibrate at the one resolution that is used later')
+
+
+def _size(size):
+    return f'{size[0]} x {size[1]} px'
+
+
+def without_blurred(views):
+    """
+    Give the views that are much less sharp than the others a problem.
+
+    Parameters
+    ----------
+    views : list of View
+
+    Returns
+    -------
+    views : list of View
+
+    """
+    widths = np.array([view.widths for view in views], np.float64).reshape(-1, 2)
+    known = np.isfinite(widths)
+    usual = [np.median(widths[known[:, side], side]) if known[:, side].any() else np.inf
+             for side in range(2)]
+    judged = []
+    for view in views:
+        blurred = [(side, width) for side, width, limit in zip(SIDES, view.widths, usual)
+                   if width > max(BLUNT, BLURRED * limit)]
+        if blurred and view.problem is None:
+            side, width = blurred[0]
+            view = replace(view, problem=f'blurred: edges of the {side} image are {width:.1f} px '
+                           f'wide, usually {usual[SIDES.index(side)]:.1f} px; hold the board '
+                           'still')
+        judged.append(view)
+    return judged

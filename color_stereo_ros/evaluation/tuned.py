@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ColorStereo whose surface method has other constants, for ablations."""
+
+from ..core import ColorStereo, MatchingSettings
+from ..core.constants import listed, replaced
+from ..core.patterns.expectation import Expectation
+from ..core.surface.method import SurfaceMethod
+from ..core.surface.tuning import TUNING, tuning_for
+
+CONSTANTS = {entry.name: entry for entry in listed(TUNING)}
+"""Every constant of the surface method by its flat name."""
+
+
+class TunedStereo(ColorStereo):
+    """
+    A ColorStereo with the surface method under other constants.
+
+    Parameters
+    ----------
+    calibration : StereoCalibration
+    settings : Settings
+    constants : dict
+        Flat names to values, for example `{'steps.odds': 0.0}`. They replace what suits the
+        pattern, too.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, or a constant is compiled into the kernels.
+
+    """
+
+    def __init__(self, calibration, settings, constants):
+        """Keep the constants for the method."""
+        self._constants = constants
+        super().__init__(calibration, settings)
+
+    def _make_method(self):
+        expectation = Expectation.of(self.settings.pattern)
+        tuning = tuning_for(expectation, self.calibration.geometry.width)
+        return SurfaceMethod(self.settings, self.calibration, self._limits,
+                             tuning=replaced(tuning, self._constants))
+
+
+def switched_off():
+    """Return what switches stages of the surface method off: constant to its value when off."""
+    return {name: entry.off for name, entry in CONSTANTS.items() if entry.off is not None}
+
+
+def stereo_for(calibration, settings, values):
+    """
+    Return a ColorStereo under settings and values.
+
+    Parameters
+    ----------
+    calibration : StereoCalibration
+    settings : Settings
+    values : dict
+        Flat settings, and flat constants of the surface method.
+
+    Returns
+    -------
+    stereo : ColorStereo
+
+    Raises
+    ------
+    ColorStereoError
+        If a setting is wrong.
+
+    """
+    constants = {name: value for name, value in values.items() if name in CONSTANTS}
+    settings = settings.updated({name: value for name, value in values.items()
+                                 if name not in constants})
+    if constants and settings.matching.method == MatchingSettings().method:
+        return TunedStereo(calibration, settings, constants)
+    return ColorStereo(calibration, settings)
