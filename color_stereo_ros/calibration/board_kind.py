@@ -62,6 +62,8 @@ class BoardKind:
 
     summary = ''
     """One line for lists."""
+    usual = 11, 8, 0.02
+    """Columns, rows and `square_m` (m) of a board that fits A4."""
     marker_share = 1.0
     """Default of `Board.marker_m`, as a share of `Board.square_m`."""
 

@@ -96,6 +96,12 @@ class Board:
         """Return the ids of all corners, int64 (N,)."""
         return np.arange(len(self.corners))
 
+    @classmethod
+    def usual(cls, kind=None):
+        """Return the usual board of a kind, which fits A4; None = `default_kind()`."""
+        kind = default_kind() if kind is None else kind
+        return cls(kind, *BOARDS[kind].usual)
+
     @property
     def size_m(self):
         """Return width and height of the outline of the squares, m, without the white border."""

@@ -14,6 +14,7 @@ class Circles(BoardKind):
     """Black disks; every second row is shifted. An image must show all of them."""
 
     summary = 'black disks, every second row shifted; both cameras must see the whole board'
+    usual = 5, 11, 0.015
     marker_share = 0.8
 
     def check(self, board):
