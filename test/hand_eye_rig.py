@@ -7,6 +7,7 @@ from color_stereo_ros.calibration.board_pose import board_pose, project, Seen
 from color_stereo_ros.calibration.hand_eye import IN_HAND, Poses
 from color_stereo_ros.calibration.rigid import exp, inverse, product
 from color_stereo_ros.core import StereoCalibration
+import cv2
 import numpy as np
 
 SIZE = 640, 480
@@ -80,3 +81,34 @@ def photographed(calibration, board, pose, rng, corner=CORNER, scale=1.0):
     return board_pose(calibration, *(
         Seen(board, pixels + rng.normal(0, max(corner, 1e-12), pixels.shape),
              np.full(len(board), max(corner, 1e-3))) for pixels in sides))
+
+
+def straight_rig():
+    """Return two parallel cameras without distortion, 0.1 m apart."""
+    K = [[640, 0, 319.5], [0, 640, 239.5], [0, 0, 1]]
+    return StereoCalibration.from_arrays(SIZE, K, [], K, [], np.eye(3), [-0.1, 0, 0])
+
+
+def photographs(calibration, board, pose, fine=3, texel=4e-4):
+    """Return both images, uint8 (H, W, 3), of a chessboard; cameras without distortion."""
+    border = 2 * board.square_m
+    width, height = np.rint((np.array(board.size_m) + 2 * border) / texel).astype(int)
+    x, y = ((np.arange(count) + 0.5) * texel - border for count in (width, height))
+    dark = (np.floor(y / board.square_m)[:, None] + np.floor(x / board.square_m)) % 2 == 0
+    inside = (((y >= 0) & (y < board.size_m[1]))[:, None]
+              & ((x >= 0) & (x < board.size_m[0])))
+    drawn = np.where(dark & inside, 30, 220).astype(np.uint8)
+    from_texel = np.array([[texel, 0, texel / 2 - border], [0, texel, texel / 2 - border],
+                           [0, 0, 1]])
+    finer = np.array([[fine, 0, (fine - 1) / 2], [0, fine, (fine - 1) / 2], [0, 0, 1]])
+    images = []
+    R_right, t_right = calibration.right_from_left
+    for camera, (R, t) in ((calibration.left, pose),
+                           (calibration.right, (R_right @ pose[0], R_right @ pose[1] + t_right))):
+        homography = finer @ camera.K @ np.column_stack([R[:, 0], R[:, 1], t]) @ from_texel
+        size = fine * camera.width, fine * camera.height
+        seen = cv2.warpPerspective(drawn, homography, size, flags=cv2.INTER_LINEAR,
+                                   borderValue=120)
+        gray = cv2.resize(seen, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+        images.append(np.repeat(gray[..., None], 3, axis=2))
+    return images
