@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The moments of a recording at which a robot stands still, with image pairs and its pose."""
 
+from functools import partial
+
 import numpy as np
 
 from ..errors import ImageError, RecordingError
@@ -39,27 +41,55 @@ def still_moments(recording, base, flange, say):
 
     """
     transforms = Transforms(recording)
-    topics = recording.stereo_topics()
-    synchronizer = Synchronizer(0.0, QUEUE, clock=lambda: 0.0)
     taken = []
-    for message in recording.messages({topics.left_image, topics.right_image}):
+    for stamp, images in pairs_of(recording, recording.stereo_topics(), say):
         try:
-            content = recording.decoded(message)
-            side = 'left' if message.topic == topics.left_image else 'right'
-            stamp = stamp_ns(content.header)
-            pair = synchronizer.add(side, stamp, content)
-            if pair is None:
-                continue
             pose = _still(transforms, base, flange, stamp)
             if pose is None or not all(_apart(pose, other) for other in taken):
                 continue
-            pair = opened(pair)
-            images = image_to_rgb(pair.left), image_to_rgb(pair.right)
+            both = images()
         except (ImageError, RecordingError) as error:
             say(str(error))
             continue
         taken.append(pose)
-        yield f'{stamp * 1e-9:.3f} s', images, pose
+        yield f'{stamp * 1e-9:.3f} s', both, pose
+
+
+def pairs_of(recording, topics, say):
+    """
+    Yield the pairs of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    topics : StereoTopics
+    say : callable
+        Takes a sentence about an image that cannot be read.
+
+    Yields
+    ------
+    stamp : int
+        Of the left image, ns.
+    images : callable
+        Returns both images, uint8 (H, W, 3), RGB, or raises ImageError.
+
+    """
+    synchronizer = Synchronizer(0.0, QUEUE, clock=lambda: 0.0)
+    for message in recording.messages({topics.left_image, topics.right_image}):
+        try:
+            content = recording.decoded(message)
+        except RecordingError as error:
+            say(str(error))
+            continue
+        side = 'left' if message.topic == topics.left_image else 'right'
+        pair = synchronizer.add(side, stamp_ns(content.header), content)
+        if pair is not None:
+            yield pair.stamp, partial(_images, pair)
+
+
+def _images(pair):
+    pair = opened(pair)
+    return image_to_rgb(pair.left), image_to_rgb(pair.right)
 
 
 def _still(transforms, base, flange, stamp):
