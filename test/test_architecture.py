@@ -59,7 +59,6 @@ PACKAGES = {
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',
     'evaluation': 'numpy cv2 yaml matplotlib scipy tqdm',
-    'calibration': 'numpy cv2 matplotlib',
 }
 # Recordings, nodes and what is built on them need what their users install.
 ROS = {'rclpy', 'sensor_msgs', 'stereo_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs',

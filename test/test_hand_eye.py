@@ -11,7 +11,10 @@ from color_stereo_ros.calibration.rigid import (
     exp, inverse, log, moved, product, quaternions_of, rotations_of)
 from color_stereo_ros.cli.main import main
 from color_stereo_ros.core import CalibrationError
-from color_stereo_ros.files.image import write_image
+from color_stereo_ros.files.image import read_image, write_image
+from color_stereo_ros.messages.contents import (
+    Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3)
+from color_stereo_ros.recordings.writing import write_recording
 import cv2
 from hand_eye_rig import (
     BAR_NOISE, corners, photographs, rig, session, straight_rig, views)
@@ -296,6 +299,49 @@ def test_the_command_calibrates_from_images(recorded, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert static_transform(camera, 'tool0', 'left_camera_optical_frame')[:60] in printed
     assert '8 of 8 poses' in printed and 'degrees' in printed
+
+
+def transforms_at(stamp, pose):
+    """Return the messages of /tf that put the flange, below a link, at a pose (R, t)."""
+    def entry(parent, child, turn, move):
+        return TransformStamped(Header.at(stamp, parent), child, Transform(
+            Vector3(*map(float, move)), Quaternion(*map(float, turn))))
+
+    return TFMessage((entry('base_link', 'link', quaternions_of(pose[0]), pose[1]),))
+
+
+def robot_recording(path, calibration, images, poses):
+    """Write a recording of a robot that stands still for half a second at each pose."""
+    second = 1_000_000_000
+    with write_recording(path) as writer:
+        writer.write_content('/tf_static', second, TFMessage((TransformStamped(
+            Header.at(second, 'link'), 'tool0', Transform(
+                Vector3(0.0, 0.0, 0.1), Quaternion(0.0, 0.0, 0.0, 1.0))),)), latched=True)
+        lifted = product(poses, (np.eye(3), np.array([0.0, 0.0, -0.1])))
+        for at, pair in enumerate(images):
+            for tick in range(11):
+                stamp = (at + 1) * second + tick * second // 20
+                writer.write_content('/tf', stamp, transforms_at(
+                    stamp, (lifted[0][at], lifted[1][at])))
+                if tick == 5:
+                    writer.write_pair(stamp, *pair, calibration)
+
+
+def test_poses_of_the_flange_come_from_the_transforms_of_a_recording(recorded, tmp_path):
+    folder, truth = recorded
+    calibration = straight_rig()
+    _, poses = read_flange_poses(folder / 'poses.csv')
+    images = [tuple(read_image(folder / 'images' / f'{side}_{k:03d}.png')
+                    for side in ('left', 'right')) for k in range(len(poses[1]))]
+    robot_recording(tmp_path / 'robot', calibration, images, poses)
+    output = tmp_path / 'found.yaml'
+    arguments = ['calibrate', 'hand-eye', str(tmp_path / 'robot'), '--calibration',
+                 str(folder / 'left.yaml'), str(folder / 'right.yaml'), '--kind', 'chessboard',
+                 '--columns', '9', '--rows', '6', '--square-mm', '20', '--output', str(output)]
+    assert main(arguments) == 0
+    place = yaml.safe_load(output.read_text())['translation']
+    assert np.allclose([place[axis] for axis in 'xyz'], truth.camera[1], atol=POSITION / 1e3)
+    assert main([*arguments, '--overwrite', '--flange', 'gripper']) == 1
 
 
 def test_the_command_replaces_no_file_unasked(recorded, tmp_path, capsys):

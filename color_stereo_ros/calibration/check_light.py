@@ -67,9 +67,9 @@ def _sharpness(image):
              + np.abs(np.diff(colors, axis=0))[:, :-1].sum(axis=2))
     lit = image.max(axis=2)[:-1, :-1] > LIT
     found = np.full((GRID, GRID), np.nan)
-    for row, (part, mask) in enumerate(zip(np.array_split(steep, GRID), np.array_split(lit, GRID))):
-        for column, (field, bright) in enumerate(zip(np.array_split(part, GRID, axis=1),
-                                                     np.array_split(mask, GRID, axis=1))):
-            if bright.mean() > LEAST_LIT:
-                found[row, column] = np.mean(field[bright])
+    for row, column in np.ndindex(GRID, GRID):
+        field, bright = (np.array_split(np.array_split(part, GRID)[row], GRID, axis=1)[column]
+                         for part in (steep, lit))
+        if bright.mean() > LEAST_LIT:
+            found[row, column] = np.mean(field[bright])
     return found / np.nanmax(found) if np.isfinite(found).any() else found

@@ -3,9 +3,8 @@
 
 SUMMARY = 'check a sensor on a flat board or a sphere bar, and say what to change'
 NEEDS = ''
-POOR_STATUS = 3
-"""Exit status where the sensor is not in order."""
-MOST = 20
+POOR_STATUS = 3  # exit status where the sensor is not in order
+MOST = 20  # pairs; chosen: they tell the noise to 16 %
 
 
 def add_arguments(parser):
@@ -13,7 +12,7 @@ def add_arguments(parser):
     from .arguments import add_settings_arguments
     parser.add_argument('images', nargs='+', metavar='IMAGES', help='two image files; or a folder '
                         'of pairs (left.png and right.png, or many); or a folder for each camera; '
-                        'or a recording')
+                        'or a recording (extra [tools])')
     parser.add_argument('--calibration', nargs=2, metavar=('LEFT', 'RIGHT'),
                         help='the camera_info YAML files of both cameras (default: left.yaml and '
                         'right.yaml in the folder, or the camera_info of the recording)')
@@ -26,7 +25,8 @@ def add_arguments(parser):
     parser.add_argument('--pairs', type=int, default=MOST, metavar='N', help='use so many pairs '
                         f'at most (default {MOST})')
     parser.add_argument('--json', metavar='FILE', help='write the figures, too')
-    parser.add_argument('--report', metavar='FILE', help='write a page with pictures, too')
+    parser.add_argument('--report', metavar='FILE', help='write a page with pictures, too '
+                        '(extra [tools])')
     parser.add_argument('--overwrite', action='store_true', help='replace these files')
     parser.add_argument('--rectified', action='store_true', help='the images are rectified '
                         'already: only P of the calibration is used')
@@ -35,7 +35,7 @@ def add_arguments(parser):
 
 def run(args):
     """Check with the pairs of the command line; return 3 where the sensor is not in order."""
-    from ..calibration.check_report import check_json, check_page, check_text
+    from ..calibration.check_text import check_json, check_text
     from ..calibration.checking import check, POOR
     from ..core import ColorStereo
     from ..files.atomic import check_free, write_text
@@ -58,6 +58,7 @@ def run(args):
     if args.json:
         write_text(args.json, check_json(found), replace=args.overwrite)
     if args.report:
+        from ..calibration.check_report import check_page
         title = f'{" ".join(args.images)}: {len(pairs)} pairs'
         write_text(args.report, check_page(found, *pairs[-1], results[-1], title),
                    replace=args.overwrite)

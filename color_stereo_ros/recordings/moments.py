@@ -30,6 +30,11 @@ def still_moments(recording, base, flange, say):
     say : callable
         Takes a sentence about an image that cannot be read.
 
+    Raises
+    ------
+    RecordingError
+        If the frames are not connected, or the robot never stands still.
+
     Yields
     ------
     name : str
@@ -41,6 +46,7 @@ def still_moments(recording, base, flange, say):
 
     """
     transforms = Transforms(recording)
+    transforms.check(base, flange)
     taken = []
     for stamp, images in pairs_of(recording, recording.stereo_topics(), say):
         try:
@@ -53,6 +59,9 @@ def still_moments(recording, base, flange, say):
             continue
         taken.append(pose)
         yield f'{stamp * 1e-9:.3f} s', both, pose
+    if not taken:
+        raise RecordingError(f'{recording.path}: at no pair of images the frame {flange!r} stands '
+                             f'still in {base!r}; stop the robot for half a second at each pose')
 
 
 def pairs_of(recording, topics, say):
@@ -93,9 +102,12 @@ def _images(pair):
 
 
 def _still(transforms, base, flange, stamp):
-    """Return the pose of the flange at a time, or None where it moves."""
-    before, pose, after = (transforms.pose(base, flange, stamp + shift)
-                           for shift in (-SPAN, 0, SPAN))
+    """Return the pose of the flange at a time, or None where it moves or is not known."""
+    try:
+        before, pose, after = (transforms.pose(base, flange, stamp + shift)
+                               for shift in (-SPAN, 0, SPAN))
+    except RecordingError:
+        return None
     moves = [_distance(pose, other) for other in (before, after)]
     still = all(move < STILL_MOVE and turn < STILL_TURN for move, turn in moves)
     return pose if still else None

@@ -51,6 +51,10 @@ class Transforms:
         else:
             self._moving.setdefault(child, []).append((stamp_ns(entry.header), pose))
 
+    def check(self, base, frame):
+        """Raise RecordingError unless two frames are connected."""
+        self._ways(base, frame)
+
     def pose(self, base, frame, time_ns):
         """
         Return the pose of a frame in another one at a time.
@@ -66,14 +70,19 @@ class Transforms:
             If a frame is not there, is not connected with the base, or not known at this time.
 
         """
+        up_frame, up_base = self._ways(base, frame)
+        R, t = self._climbed(up_frame, time_ns)
+        base_R, base_t = self._climbed(up_base, time_ns)
+        return base_R.T @ R, base_R.T @ (t - base_t)
+
+    def _ways(self, base, frame):
+        """Return the frames from each of two up to the first one above both, without that."""
         up_frame, up_base = self._way(frame), self._way(base)
         common = next((each for each in up_frame if each in up_base), None)
         if common is None:
             raise RecordingError(f'the frames {base!r} and {frame!r} are not connected; there are '
                                  f'{", ".join(sorted({*self._parents, *self._parents.values()}))}')
-        R, t = self._climbed(up_frame[:up_frame.index(common)], time_ns)
-        base_R, base_t = self._climbed(up_base[:up_base.index(common)], time_ns)
-        return base_R.T @ R, base_R.T @ (t - base_t)
+        return up_frame[:up_frame.index(common)], up_base[:up_base.index(common)]
 
     def _way(self, frame):
         way = [frame.lstrip('/')]

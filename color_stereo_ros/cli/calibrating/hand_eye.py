@@ -12,7 +12,8 @@ def add_arguments(parser):
     from ...calibration.flange_poses import UNITS
     from ..board_arguments import add_board_arguments
     parser.add_argument('images', nargs='+', metavar='IMAGES', help='folder of the image pairs, '
-                        'or a folder for each camera, or a recording that holds /tf, too')
+                        'or a folder for each camera, or a recording that holds /tf, too '
+                        '(extra [tools])')
     parser.add_argument('--calibration', nargs=2, metavar=('LEFT', 'RIGHT'), required=True,
                         help='the camera_info YAML files of both cameras')
     parser.add_argument('--poses', metavar='FILE', help='CSV or YAML of the poses of the flange '
@@ -45,9 +46,7 @@ def run(args):
     """Calibrate with the views and poses of the command line."""
     from pathlib import Path
 
-    import numpy as np
-
-    from ...calibration.hand_eye import hand_eye
+    from ...calibration.hand_eye import hand_eye, in_rectified
     from ...calibration.hand_eye_text import account, static_transform, yaml_text
     from ...core import StereoCalibration
     from ...files.atomic import check_free, write_text
@@ -67,7 +66,7 @@ def run(args):
     parent = args.flange if args.mounting == MOUNTINGS[0] else args.base
     camera = found.camera
     if args.frame == 'rectified':
-        camera = camera[0] @ np.asarray(calibration.left.R).T, camera[1]
+        camera = in_rectified(camera, calibration)
     write_text(args.output, yaml_text(found, camera, parent, args.camera, args.frame),
                replace=args.overwrite)
     print(account(found))
