@@ -47,7 +47,7 @@ def views(count, rng, tilt=25.0):
 
 
 def session(seed, count=12, mounting=IN_HAND, noise=BAR_NOISE, corner=CORNER, tilt=25.0,
-            scale=1.0):
+            scale=1.0, sides=2):
     """
     Return Poses with noise, and the Truth.
 
@@ -65,7 +65,7 @@ def session(seed, count=12, mounting=IN_HAND, noise=BAR_NOISE, corner=CORNER, ti
         flange = inverse(flange)
     flange = (flange[0] @ exp(rng.normal(0, noise[1], (count, 3))),
               flange[1] + rng.normal(0, noise[0], (count, 3)))
-    found = [photographed(calibration, board, (R, t), rng, corner, scale)
+    found = [photographed(calibration, board, (R, t), rng, corner, scale, sides)
              for R, t in zip(*seen)]
     return Poses(tuple(f'view_{k:02d}' for k in range(count)), flange,
                  (np.array([pose.rotation for pose in found]),
@@ -73,11 +73,12 @@ def session(seed, count=12, mounting=IN_HAND, noise=BAR_NOISE, corner=CORNER, ti
                  np.array([pose.covariance for pose in found])), Truth(camera, place)
 
 
-def photographed(calibration, board, pose, rng, corner=CORNER, scale=1.0):
+def photographed(calibration, board, pose, rng, corner=CORNER, scale=1.0, count=2):
     """Return the BoardPose of noisy corners; the board is larger by scale than it says."""
     points = scale * board @ pose[0].T + pose[1]
     R, t = calibration.right_from_left
-    sides = [project(calibration.left, points), project(calibration.right, points @ R.T + t)]
+    sides = [project(calibration.left, points),
+             project(calibration.right, points @ R.T + t)][:count]
     return board_pose(calibration, *(
         Seen(board, pixels + rng.normal(0, max(corner, 1e-12), pixels.shape),
              np.full(len(board), max(corner, 1e-3))) for pixels in sides))

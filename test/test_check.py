@@ -62,7 +62,7 @@ def test_the_flatness_error_is_a_range_without_three_of_a_thousand():
 
 def test_a_bowl_is_a_shape_that_stays():
     column = (np.arange(WIDTH) - WIDTH / 2) / WIDTH
-    found = by_name(check(*pair_and(noisy_plane(2, 0.01) + 2 * column ** 2), Settings()))
+    found = by_name(check(*pair_and(noisy_plane(2, 0.01) + 4 * column ** 2), Settings()))
     assert found['shape that stays'].level == POOR
     assert 'calibrate the geometry anew' in found['shape that stays'].advice
 

@@ -152,7 +152,7 @@ def test_the_wrong_mounting_is_named():
 
 
 def test_squares_of_another_size_are_a_doubt():
-    poses, _ = session(8, scale=1.02)
+    poses, _ = session(8, scale=1.02, sides=1)
     assert any('squares are of another size' in doubt for doubt in hand_eye(poses).doubts)
 
 
@@ -350,6 +350,12 @@ def test_the_command_replaces_no_file_unasked(recorded, tmp_path, capsys):
     assert command(folder, '--output', str(tmp_path / 'found.yaml')) == 1
     assert 'exists already' in capsys.readouterr().err
     assert (tmp_path / 'found.yaml').read_text() == 'mine'
+
+
+def test_corners_that_miss_their_places_are_a_warning(recorded, tmp_path, capsys):
+    folder, _ = recorded
+    command(folder, '--output', str(tmp_path / 'found.yaml'), '--square-mm', '21')
+    assert 'are the squares 21 mm?' in capsys.readouterr().err
 
 
 def test_the_command_writes_nothing_where_the_poses_do_not_fit(recorded, tmp_path, capsys):

@@ -45,14 +45,14 @@ def light_of(left, right, rectified, settings):
     lit = [image[image.max(axis=2) > LIT].astype(np.float64) for image in (left, right)]
     if not all(len(each) for each in lit):
         nothing = np.full(3, np.nan)
-        return Light(exposure_of(left, right, settings.color.saturation), nothing,
+        return Light(exposure_of(left, right, settings.color.saturation_level), nothing,
                      np.tile(nothing, (2, 1)), np.tile(nothing, (2, 1)), float('nan'),
                      np.full((GRID, GRID), np.nan))
     means = np.array([each.mean(axis=0) for each in lit])
     dark, bright = np.array([np.percentile(each, (5, 95), axis=0) for each in lit]).transpose(
         1, 0, 2)
     feature = feature_size_in(rectified, settings.pattern)
-    return Light(exposure_of(left, right, settings.color.saturation), means[0] / means[1],
+    return Light(exposure_of(left, right, settings.color.saturation_level), means[0] / means[1],
                  means / means.mean(axis=1, keepdims=True),
                  (bright - dark) / np.maximum(bright + dark, 1),
                  float('nan') if feature is None else feature, _sharpness(rectified))
@@ -72,4 +72,5 @@ def _sharpness(image):
                          for part in (steep, lit))
         if bright.mean() > LEAST_LIT:
             found[row, column] = np.mean(field[bright])
-    return found / np.nanmax(found) if np.isfinite(found).any() else found
+    best = np.nanmax(found, initial=0)
+    return found / best if best > 0 else np.full_like(found, np.nan)

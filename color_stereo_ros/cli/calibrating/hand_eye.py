@@ -5,6 +5,7 @@ SUMMARY = 'where the camera is on a robot, from views of a board and the poses o
 NEEDS = ''
 FRAMES = 'physical', 'rectified'
 MOUNTINGS = 'eye-in-hand', 'eye-to-hand'
+MISSED = 0.5  # px; chosen: good corners miss by 0.1
 
 
 def add_arguments(parser):
@@ -46,6 +47,8 @@ def run(args):
     """Calibrate with the views and poses of the command line."""
     from pathlib import Path
 
+    import numpy as np
+
     from ...calibration.hand_eye import hand_eye, in_rectified
     from ...calibration.hand_eye_text import account, static_transform, yaml_text
     from ...core import StereoCalibration
@@ -62,6 +65,11 @@ def run(args):
     for sentence in refused:
         warn(sentence)
     poses = _together(views)
+    missed = float(np.median([pose.rms for _, _, pose in views]))
+    if missed > MISSED:
+        warn(f'the corners miss their places by {missed:.2f} px: are the squares '
+             f'{1e3 * board.square_m:g} mm? otherwise the calibration is not that of these '
+             'cameras, or the board is not flat')
     found = hand_eye(poses, args.mounting, noise)
     parent = args.flange if args.mounting == MOUNTINGS[0] else args.base
     camera = found.camera
