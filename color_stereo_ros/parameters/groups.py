@@ -159,12 +159,13 @@ class MeasuringSettings:
     color: Group = Settings().color
     matching: Group = Settings().matching
     range: Group = Settings().range
+    health: Group = Settings().health
 
     @property
     def core(self):
         """Return the part that the core knows."""
         return Settings(pattern=self.pattern, color=self.color, matching=self.matching,
-                        range=self.range)
+                        range=self.range, health=self.health)
 
 
 @dataclass(frozen=True)
