@@ -9,6 +9,7 @@ from ..registry import Registry
 ITERATIONS = 100   # at most, to undo a distortion; chosen: a few suffice unless it folds
 COEFFICIENT_DUST = 1e-6  # a coefficient that is no more counts as zero: 1e-6 focal lengths
 PRECISION = 1e-12  # at which they end, as a part of the focal length; chosen: rounding is 1e-16
+STEP = 1e-6        # of numeric derivatives; chosen: near the cube root of the rounding
 
 
 class Lens:
@@ -66,6 +67,45 @@ class Lens:
             if np.abs(change).max(initial=0.0) < PRECISION:
                 break
         return rays
+
+    def project(self, points, intrinsics):
+        """
+        Project points, with the derivatives of their pixels.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, float64, shape (N, 3)
+            m, raw camera; Z > 0.
+        intrinsics : numpy.ndarray, float64, shape (4 + n,)
+            fx, fy, cx, cy, px, and the n coefficients D.
+
+        Returns
+        -------
+        pixels : numpy.ndarray, float64, shape (N, 2)
+            Of the raw image.
+        by_points : numpy.ndarray, float64, shape (N, 2, 3)
+            Derivatives by the points, px/m.
+        by_intrinsics : numpy.ndarray, float64, shape (N, 2, 4 + n)
+            Derivatives by the intrinsics, px per unit.
+
+        """
+        focal, center, D = intrinsics[:2], intrinsics[2:4], intrinsics[4:]
+        depth = points[:, 2:]
+        rays = points[:, :2] / depth
+        distorted = self.distort(rays, D)
+        by_rays = np.stack([(self.distort(rays + step, D) - self.distort(rays - step, D))
+                            / (2 * STEP) for step in STEP * np.eye(2)], axis=-1)
+        by_D = [(self.distort(rays, D + step) - self.distort(rays, D - step)) / (2 * STEP)
+                for step in STEP * np.eye(D.size)]
+        by_rays *= focal[:, None]
+        # d(X/Z, Y/Z) / d(X, Y, Z) = (I, -ray) / Z
+        by_points = np.concatenate([by_rays, -by_rays @ rays[:, :, None]], -1) / depth[:, None]
+        by_intrinsics = np.zeros((len(points), 2, intrinsics.size))
+        by_intrinsics[:, [0, 1], [0, 1]] = distorted
+        by_intrinsics[:, [0, 1], [2, 3]] = 1.0
+        for index, change in enumerate(by_D):
+            by_intrinsics[:, :, 4 + index] = focal * change
+        return focal * distorted + center, by_points, by_intrinsics
 
     def rectifying_map(self, camera):
         """
@@ -137,6 +177,16 @@ class Pinhole(Lens):
                                            criteria)[:, 0]
         return cv2.undistortPoints(pixels[None], K, D, None, None, None, criteria)[:, 0]
 
+    def project(self, points, intrinsics):
+        """Project points with derivatives; see `Lens.project`."""
+        D = intrinsics[4:]
+        pixels, by_all = cv2.projectPoints(
+            np.ascontiguousarray(points), np.zeros(3), np.zeros(3), _matrix(intrinsics),
+            _coefficients(D))
+        # columns: rotation, translation, focal lengths, center, coefficients
+        by_all = by_all.reshape(-1, 2, by_all.shape[1])
+        return pixels[:, 0], by_all[:, :, 3:6], by_all[:, :, 6:10 + D.size]
+
     def rectifying_map(self, camera):
         """Return where each rectified pixel lies; see `Lens.rectifying_map`."""
         return _map(cv2.initUndistortRectifyMap, camera)
@@ -160,6 +210,16 @@ class Equidistant(Lens):
         """Return the rays that raw pixels see; see `Lens.undistort`."""
         pixels, K = _without_skew(pixels, K)
         return cv2.fisheye.undistortPoints(pixels[None], K, _coefficients(D))[0]
+
+    def project(self, points, intrinsics):
+        """Project points with derivatives; see `Lens.project`."""
+        D = intrinsics[4:]
+        pixels, by_all = cv2.fisheye.projectPoints(
+            np.ascontiguousarray(points[None]), np.zeros(3), np.zeros(3), _matrix(intrinsics),
+            _coefficients(D))
+        # columns: focal lengths, center, four coefficients, rotation, translation, skew
+        by_all = by_all.reshape(-1, 2, by_all.shape[1])
+        return pixels.reshape(-1, 2), by_all[:, :, 11:14], by_all[:, :, :4 + D.size]
 
     def rectifying_map(self, camera):
         """Return where each rectified pixel lies; see `Lens.rectifying_map`."""
@@ -198,6 +258,12 @@ def coefficients_of(lens, D):
 def _coefficients(D):
     """Return coefficients for OpenCV, which takes no empty array."""
     return D.copy() if D.size else np.zeros(4)
+
+
+def _matrix(intrinsics):
+    """Return the camera matrix (3, 3) of fx, fy, cx, cy."""
+    fx, fy, cx, cy = intrinsics[:4]
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
 def _straight(K):
