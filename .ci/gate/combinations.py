@@ -50,6 +50,7 @@ SURFACE = (
     {'matching.refinements': 3}, {'matching.refinements': 6, 'matching.min_confidence': 0.3},
     {'matching.min_segment': 0}, {'matching.min_segment': 2000},
     {'matching.row_alignment': 'off'}, {'matching.row_alignment': 'measure'},
+    {'health.correct': 'suggest'}, {'health.correct': 'apply'},
     {'matching.third_view': 'automatic'},
     {'range.min_depth': 0.45, 'range.max_depth': 0.52},
     {'range.min_depth': 0.15, 'range.max_depth': 20.0},

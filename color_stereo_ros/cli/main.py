@@ -7,6 +7,9 @@ A module beside this one is a subcommand of the same name if it has a SUMMARY (o
 None for 0. Only the module that runs is imported, so that `color_stereo --help` needs neither ROS
 nor a simulator.
 
+A module with a constant COMMANDS instead of the two functions holds commands of its own: it names
+the folder beside it that holds their modules, which are made in the same way.
+
 """
 
 import argparse
@@ -34,6 +37,7 @@ OPTION = re.compile(r'--?[A-Za-z][\w.-]*')
 EXTRAS = {
     'sim': ('mitsuba', 'drjit'),
     'tools': ('rosbags', 'matplotlib', 'tqdm'),
+    'view': ('viser',),
     'ros': ('rclpy', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'stereo_msgs', 'std_srvs',
             'diagnostic_msgs', 'builtin_interfaces', 'rcl_interfaces', 'lifecycle_msgs'),
 }
@@ -108,25 +112,45 @@ def parsed(argv):
         'interrupted.',
         allow_abbrev=False)
     parser.add_argument('--version', action='version', version=f'color_stereo_ros {__version__}')
+    _add_commands(parser, argv, __package__)
+    return parser.parse_args(argv)
+
+
+def _add_commands(parser, argv, package):
+    """
+    Add the commands of a package; the one that the first word of argv names gets its arguments.
+
+    Underscores in the name of a module are hyphens of its command.
+
+    """
+    folder = Path(__file__).parent.joinpath(*package.split('.')[len(__package__.split('.')):])
     subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     chosen = next((word for word in argv if not word.startswith('-')), None)
-    needs = find_commands(constant='NEEDS')
-    for name, summary in find_commands().items():
+    needs = find_commands(folder, 'NEEDS')
+    for module, summary in find_commands(folder).items():
+        name = module.replace('_', '-')
         subparser = subparsers.add_parser(
             name, help=summary, description=summary, allow_abbrev=False,
-            epilog=f'Needs the extras {needs[name]} of the package.' if needs[name] else None)
+            epilog=f'Needs the extras {needs[module]} of the package.' if needs[module] else None)
         if name == chosen:
-            from .arguments import Help
-            subparser.formatter_class = Help
-            module = importlib.import_module(f'{__package__}.{name}')
-            module.add_arguments(subparser)
-            subparser.set_defaults(run=module.run)
-            check_options(subparser, argv[argv.index(name) + 1:])
+            _complete(subparser, argv[argv.index(name) + 1:], f'{package}.{module}')
     if chosen is not None and chosen not in subparsers.choices:
         parser.error(f'unknown command {chosen!r}{nearest(chosen, subparsers.choices)} (there '
                      f'are {", ".join(subparsers.choices)})')
     check_options(parser, itertools.takewhile(lambda word: word != chosen, argv))
-    return parser.parse_args(argv)
+
+
+def _complete(parser, argv, name):
+    """Give the parser of a command its arguments, or its own commands."""
+    module = importlib.import_module(name)
+    if hasattr(module, 'COMMANDS'):
+        _add_commands(parser, argv, f'{__package__}.{module.COMMANDS}')
+        return
+    from .arguments import Help
+    parser.formatter_class = Help
+    module.add_arguments(parser)
+    parser.set_defaults(run=module.run)
+    check_options(parser, argv)
 
 
 def check_options(parser, words):

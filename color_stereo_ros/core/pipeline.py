@@ -12,6 +12,7 @@ from ..errors import CalibrationError, SettingsError
 from .cameras.rectification import Rectifier
 from .compiled import refuse_after_fork
 from .health.drift import corrected
+from .health.prior import prior_of
 from .health.tracking import HealthTracker
 from .methods import make_method
 from .projector.patches import Measured
@@ -68,7 +69,8 @@ class ColorStereo:
         self.settings = settings
         self._limits = disparity_limits(calibration.geometry, settings.range)
         self._rectified_input, self._search_at_once = rectified_input, search_at_once
-        self._follower = HealthTracker(calibration, rectified_input)
+        self._follower = HealthTracker(calibration, rectified_input,
+                                       prior_of(calibration, settings.health.covariance))
         self._measure_as(self._follower.unknown().applied)
         self._alignment = self._projector = self._health = None
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)

@@ -22,6 +22,7 @@ import numpy as np
 
 from ..cameras.calibration import StereoCalibration
 from ..cameras.lenses import LENSES
+from .tuning import TUNING
 
 NAMES = 'pitch', 'yaw', 'roll', 'focal', 'baseline y', 'baseline z'
 COUNT = len(NAMES)
@@ -89,7 +90,7 @@ def seen(drift, camera, raw):
         By pitch, yaw, roll and focal.
 
     """
-    step = 1e-5  # of the focal length: the lens has no closed inverse
+    step = TUNING.estimate.focal_step
     to_rectified = camera.R @ turn(drift).T
     rays = camera.rays(raw, drift[3])
     other = camera.rays(raw, drift[3] + step)

@@ -41,9 +41,27 @@ class EstimateTuning(Constants):
     settled: float = constant(
         0.05, 'px', 'Step of the rows after which there is no further linearization.',
         derived('What is left is quadratic in it.'))
+    focal_step: float = constant(
+        1e-5, '1', 'Step of the focal length for the derivative by it: a lens has no closed '
+        'inverse.', derived('Rounding and curvature are both below 1e-5 of it.'))
     samples: int = constant(
         400, '1', 'Largest number of cells that are used of a pair.',
         derived('Bounds the time; .1 px each make .005 px.'))
+
+
+@dataclass(frozen=True)
+class PriorTuning(Constants):
+    """From the covariance of a calibration to that of the drift."""
+
+    grid: int = constant(
+        7, '1', 'Places along either axis of the image where parameters and drift are compared.',
+        unexplained('Fields are polynomials of low degree.'))
+    depths: tuple = constant(
+        (2.0, 3.0, 6.0), 'baselines', 'Depths of these places.',
+        chosen('The usual working range of a rig.'))
+    least_std: float = constant(
+        1e-6, 'rad', 'Standard deviation that every number keeps.',
+        derived('Far below all bounds; the covariance can be inverted.'))
 
 
 @dataclass(frozen=True)
@@ -81,6 +99,7 @@ class Tuning(Constants):
     """All constants of the health."""
 
     estimate: EstimateTuning = EstimateTuning()
+    prior: PriorTuning = PriorTuning()
     use: UseTuning = UseTuning()
 
 
