@@ -48,7 +48,7 @@ PACKAGES = {
     'errors': '',
     'patience': '',
     'files': 'numpy cv2 yaml',
-    'core': 'numpy cv2',
+    'core': 'numpy cv2 yaml',
     'parameters': 'yaml',
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',

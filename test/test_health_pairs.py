@@ -4,7 +4,7 @@
 from functools import lru_cache
 
 from color_stereo_ros.cli import main as cli
-from color_stereo_ros.core import CalibrationError, ColorStereo, Settings, StereoCalibration
+from color_stereo_ros.core import CalibrationError, ColorStereo, StereoCalibration
 from color_stereo_ros.core.cameras.covariance import StereoCovariance
 from color_stereo_ros.core.cameras.parameters import StereoParameters
 from color_stereo_ros.core.health.drift import corrected, expected_fields, SHOWN
@@ -14,7 +14,7 @@ from color_stereo_ros.messages.contents import Header
 from color_stereo_ros.messages.health import health_message, read_drift, suggestion, UNKNOWN
 from color_stereo_ros.messages.outputs import Context, OUTPUTS
 from color_stereo_ros.nodes.filling import message_of
-from color_stereo_ros.parameters.groups import RangeNodeSettings
+from color_stereo_ros.parameters.groups import NodeHealthSettings, RangeNodeSettings
 from color_stereo_ros.recordings.writing import write_recording
 import numpy as np
 import pytest
@@ -88,7 +88,7 @@ def test_nothing_is_corrected_without_being_asked(choice):
         result = stereo.process(*pair(True, seed))
     assert result.health.drifted and not result.health.applied.any()
     assert 'calibrate update' in result.health.sentence()
-    node = RangeNodeSettings(health=settings(health__correct=choice).health)
+    node = RangeNodeSettings(health=NodeHealthSettings(choice))
     found = suggestion(result.health, rig(*SIZE), node)
     assert (found is None) == (choice == 'off')
 
@@ -132,7 +132,7 @@ def test_the_message_holds_all_digits_and_the_suggestion(tmp_path):
 def test_the_topic_is_one_of_the_outputs():
     stereo = ColorStereo(rig(*SIZE), settings())
     result = stereo.process(*pair(True))
-    node = RangeNodeSettings(health=settings(health__correct='suggest').health)
+    node = RangeNodeSettings(health=NodeHealthSettings('suggest'))
     content = OUTPUTS['calibration_health'].content(
         result, Context.of(Header.at(7, 'left'), node, rig(*SIZE)))
     keys = [each.key for each in content.status[0].values]
@@ -187,7 +187,12 @@ def test_the_covariance_of_a_calibration_becomes_that_of_the_drift(tmp_path):
     std = np.sqrt(np.diag(drift_covariance(calibration, covariance)))
     assert std[0] == pytest.approx(0.1 / 640, rel=0.3)  # a principal point looks like a pitch
     assert std[1] < 1e-4
-    covariance.write(tmp_path / 'stereo_covariance.yaml')
-    changes = {'health.covariance': str(tmp_path / 'stereo_covariance.yaml')}
+    path = tmp_path / 'stereo_covariance.yaml'
+    covariance.write(path)
+    read = NodeHealthSettings(covariance=str(path)).read_covariance()
+    assert np.sqrt(np.diag(drift_covariance(calibration, read))) == pytest.approx(std)
     with pytest.raises(CalibrationError, match='another left calibration'):
-        ColorStereo(rig(*SIZE), Settings().updated(changes))
+        ColorStereo(rig(*SIZE), covariance=read)
+    assert NodeHealthSettings().read_covariance() is None
+    sharp = ColorStereo(calibration, covariance=read).health
+    assert np.sqrt(np.diag(sharp.prior)) == pytest.approx(std)

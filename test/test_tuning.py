@@ -67,6 +67,8 @@ GLOBALS = {
     '(NOTHING, AGREE, FIRM, APART)',  # codes of nodes
     'PATHS',              # what is needed of a coarse node
     'age',                # a count that begins at 0
+    'PERCENT', 'MILLIMETERS',  # units for people
+    'SHOWN', 'pairs', 'rows', 'disparity', 'depth',  # the same, and what begins at 0
     'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
 SOURCES = [path for room in ('surface', 'surface/third', 'paper', 'rows', 'projector', 'health')

@@ -12,7 +12,7 @@ from ..errors import CalibrationError, SettingsError
 from .cameras.rectification import Rectifier
 from .compiled import refuse_after_fork
 from .health.drift import corrected
-from .health.prior import prior_of
+from .health.prior import drift_covariance
 from .health.tracking import HealthTracker
 from .methods import make_method
 from .projector.patches import Measured
@@ -47,18 +47,21 @@ class ColorStereo:
         which takes up to half a second; where the projector is not known, search for it, which
         takes up to a second. False: the caller does it by `search_rows` and `adopt`, and by
         `search_projector` and `adopt_projector`.
+    covariance : StereoCovariance, optional
+        How exact the calibration is. Without it that of a good calibration is assumed.
 
     Raises
     ------
     CalibrationError, SettingsError
-        If an argument has the wrong class, or the depth limits do not fit the calibration.
+        If an argument has the wrong class, or depth limits or covariance do not fit the
+        calibration.
     ForkError
         If this process was forked from one that had used a ColorStereo; methods raise it, too.
 
     """
 
     def __init__(self, calibration, settings=Settings(), *, rectified_input=False,
-                 search_at_once=True):
+                 search_at_once=True, covariance=None):
         """Build the maps and warm the kernels."""
         refuse_after_fork()
         if not hasattr(calibration, 'geometry'):
@@ -69,8 +72,8 @@ class ColorStereo:
         self.settings = settings
         self._limits = disparity_limits(calibration.geometry, settings.range)
         self._rectified_input, self._search_at_once = rectified_input, search_at_once
-        self._follower = HealthTracker(calibration, rectified_input,
-                                       prior_of(calibration, settings.health.covariance))
+        prior = None if covariance is None else drift_covariance(calibration, covariance)
+        self._follower = HealthTracker(calibration, rectified_input, prior)
         self._measure_as(self._follower.unknown().applied)
         self._alignment = self._projector = self._health = None
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)

@@ -194,6 +194,15 @@ def _status_picture(result, context):
     return _bgr(with_status_legend(status_picture(result.status)), context.header)
 
 
+@output(HEALTH, DiagnosticArray, 'one status: by how much rows and depth have drifted since the '
+        'cameras were calibrated, with standard deviations; see `health.correct`')
+def _calibration_health(result, context):
+    suggested = None
+    if context.calibration is not None:
+        suggested = suggestion(result.health, context.calibration, context.settings)
+    return health_message(result.health, 'calibration health', context.header, suggested)
+
+
 @output('range_image', Image, 'bgr8, false colors of the depth, unknown = black; the size of '
         'depth/image; see `output.range_colors` and `output.range_limits`')
 def _range_image(result, context):
@@ -225,15 +234,6 @@ def _compressed_depth(result, context):
         'compressed_image_transport')
 def _compressed_range_image(result, context):
     return jpeg(_range_picture(result, context), context.header)
-
-
-@output(HEALTH, DiagnosticArray, 'one status: by how much rows and depth have drifted since the '
-        'cameras were calibrated, with standard deviations; see `health.correct`')
-def _calibration_health(result, context):
-    suggested = None
-    if context.calibration is not None:
-        suggested = suggestion(result.health, context.calibration, context.settings)
-    return health_message(result.health, 'calibration health', context.header, suggested)
 
 
 def _bgr(picture, header):

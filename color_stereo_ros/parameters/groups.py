@@ -3,9 +3,10 @@
 
 from dataclasses import dataclass
 
+from ..core.cameras.covariance import StereoCovariance
 from ..core.false_color import RANGE_COLORS, RANGE_LIMITS
 from ..core.results import POINT_FIELDS
-from ..core.settings import Group, PatternSettings, setting, Settings
+from ..core.settings import Group, HealthSettings, PatternSettings, setting, Settings
 from ..errors import brief, SettingsError
 
 
@@ -152,6 +153,19 @@ class CaptureSettings(Group):
 
 
 @dataclass(frozen=True)
+class NodeHealthSettings(HealthSettings):
+    """The same, and how exact the calibration is."""
+
+    covariance: str = setting(
+        '', 'file stereo_covariance.yaml of the calibration in use, which says how exact it is; '
+        'empty = that of a good calibration is assumed')
+
+    def read_covariance(self):
+        """Return the StereoCovariance of the file, None without one; CalibrationError."""
+        return StereoCovariance.read(self.covariance) if self.covariance else None
+
+
+@dataclass(frozen=True)
 class MeasuringSettings:
     """The settings of the core, for those who add groups of their own."""
 
@@ -176,6 +190,7 @@ class RangeNodeSettings(MeasuringSettings):
     output: OutputSettings = OutputSettings()
     sync: SyncSettings = SyncSettings()
     capture: CaptureSettings = CaptureSettings()
+    health: NodeHealthSettings = NodeHealthSettings()
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,9 @@ from .tuning import TUNING
 
 NAMES = 'pitch', 'yaw', 'roll', 'focal', 'baseline y', 'baseline z'
 COUNT = len(NAMES)
+PERCENT = 100
 UNITS = 'degrees', 'degrees', 'degrees', '%', 'degrees', 'degrees'
-SHOWN = np.array([180 / np.pi] * 3 + [100.0] + [180 / np.pi] * 2)
+SHOWN = np.array([np.degrees(1.0)] * 3 + [PERCENT] + [np.degrees(1.0)] * 2)
 """Factors from the numbers of a drift to `UNITS`."""
 
 

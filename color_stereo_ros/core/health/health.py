@@ -9,6 +9,7 @@ from ..rows.alignment import COUNT as TERMS
 from .drift import COUNT, NAMES, SHOWN, UNITS
 from .tuning import TUNING
 
+MILLIMETERS = 1000
 BLIND = 'drift of the calibration: not observable with this pattern, which shows no rows'
 
 
@@ -124,7 +125,7 @@ class Health:
         if not self.pairs:
             return 'drift of the calibration: unknown yet' if self.observable else BLIND
         text = (f'rows {self.rows:.2f} +- {self.rows_std:.2f} px, depth '
-                f'{self.depth * 1e3:.2f} +- {self.depth_std * 1e3:.2f} mm at '
+                f'{self.depth * MILLIMETERS:.2f} +- {self.depth_std * MILLIMETERS:.2f} mm at '
                 f'{self.distance:.2f} m')
         if not self.drifted:
             return f'the calibration holds: {text}'

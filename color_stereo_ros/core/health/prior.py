@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ..cameras.covariance import rectified_derivatives, StereoCovariance
+from ..cameras.covariance import rectified_derivatives
 from .drift import COUNT, expected_fields
 from .tuning import TUNING
 
@@ -48,27 +48,3 @@ def drift_covariance(calibration, covariance):
     images = np.linalg.lstsq(
         fields, np.concatenate([-rows[known], disparities[known]]), rcond=None)[0][:COUNT]
     return images @ covariance.matrix @ images.T + np.eye(COUNT) * tuning.least_std ** 2
-
-
-def prior_of(calibration, path):
-    """
-    Return the covariance of the drift by the file of a covariance.
-
-    Parameters
-    ----------
-    calibration : StereoCalibration
-    path : str
-        Of stereo_covariance.yaml; empty: there is none.
-
-    Returns
-    -------
-    covariance : numpy.ndarray, float64, shape (6, 6), or None
-        None: a good calibration is assumed.
-
-    Raises
-    ------
-    CalibrationError
-        If the file cannot be read, or belongs to another calibration.
-
-    """
-    return drift_covariance(calibration, StereoCovariance.read(path)) if path else None

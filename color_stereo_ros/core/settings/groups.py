@@ -188,9 +188,6 @@ class HealthSettings(Group):
         'it is told; suggest: told, with the calibration that would fit; apply: pairs are '
         'measured with that calibration, up to 1 degree and 1 % of the focal length; files and '
         'camera_info stay as they are', choices=('off', 'suggest', 'apply'))
-    covariance: str = setting(
-        '', 'file stereo_covariance.yaml of the calibration in use, which says how exact it is; '
-        'empty = that of a good calibration is assumed')
 
 
 @dataclass(frozen=True)
