@@ -43,6 +43,7 @@ CLOSED = {
     'core/patterns': 'cameras projector surface paper',
     'core/projector': 'patterns surface paper',
     'core/rows': 'patterns projector surface paper',
+    'core/health': 'patterns projector surface paper',
     'core/surface': 'paper',
     'core/paper': 'surface',
 }

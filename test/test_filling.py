@@ -48,6 +48,8 @@ def values_of(msg):
     """Return what a message of rclpy or of rosbags holds, as plain values."""
     if isinstance(msg, (bool, int, float, str)):
         return msg
+    if isinstance(msg, bytes):  # an octet
+        return msg[0]
     if isinstance(msg, list):
         return [values_of(item) for item in msg]
     if isinstance(msg, (np.ndarray, array)):

@@ -10,6 +10,7 @@ from color_stereo_ros.core import (
     account, ColorSettings, ColorStereoError, PatternSettings, Settings)
 from color_stereo_ros.core.constants import (
     chosen, constant, Constants, derived, KINDS, listed, replaced)
+from color_stereo_ros.core.health import tuning as health
 from color_stereo_ros.core.paper import tuning as paper
 from color_stereo_ros.core.patterns.expectation import Expectation
 from color_stereo_ros.core.projector import tuning as projector
@@ -27,7 +28,8 @@ import yaml
 CORE = Path(surface.__file__).parents[1]
 ENTRIES = [*listed(TUNING), *listed(paper.TUNING, 'paper.'),
            *listed(rows.TUNING, 'rows.'), *listed(projector.TUNING, 'projector.'),
-           *listed(account.TUNING, 'account.'), *listed(third.TUNING, 'third.')]
+           *listed(health.TUNING, 'health.'), *listed(account.TUNING, 'account.'),
+           *listed(third.TUNING, 'third.')]
 # Halves and quarters of pixels, means of two and three, signs: formulas have such numbers.
 SIMPLE = {0.0, 0.25, 0.5, 0.75, 1.0, 2.0, 3.0}
 # Functions that hold other numbers, which nobody may tune.
@@ -65,9 +67,11 @@ GLOBALS = {
     '(NOTHING, AGREE, FIRM, APART)',  # codes of nodes
     'PATHS',              # what is needed of a coarse node
     'age',                # a count that begins at 0
+    'PERCENT', 'MILLIMETERS',  # units for people
+    'SHOWN', 'pairs', 'rows', 'disparity', 'depth',  # the same, and what begins at 0
     'DIRECTIONS', 'PLACES',  # of neighbors on the grid of pixels
 }
-SOURCES = [path for room in ('surface', 'surface/third', 'paper', 'rows', 'projector')
+SOURCES = [path for room in ('surface', 'surface/third', 'paper', 'rows', 'projector', 'health')
            for path in sorted((CORE / room).glob('*.py'))
            if path.name not in ('tuning.py', 'fitted.py')] + [CORE / 'account.py']
 
@@ -150,7 +154,8 @@ def texts_of(room):
 @pytest.mark.parametrize('room, tuning', [('surface', TUNING), ('paper', paper.TUNING),
                                           ('rows', rows.TUNING),
                                           ('surface/third', third.TUNING),
-                                          ('projector', projector.TUNING)])
+                                          ('projector', projector.TUNING),
+                                          ('health', health.TUNING)])
 def test_every_constant_is_read(room, tuning):
     text = texts_of(room)
     chooses = {'views.averaging_period', 'views.largest_averaging_radius'}  # in `changes_for`

@@ -51,6 +51,7 @@ SURFACE = (
     {'matching.min_segment': 0}, {'matching.min_segment': 2000},
     {'matching.row_alignment': 'off'}, {'matching.row_alignment': 'measure'},
     {'matching.third_view': 'off'},
+    {'health.correct': 'suggest'}, {'health.correct': 'apply'},
     {'range.min_depth': 0.45, 'range.max_depth': 0.52},
     {'range.min_depth': 0.15, 'range.max_depth': 20.0},
     {'pattern.type': 'unknown'}, {'pattern.cycles': 5}, {'pattern.cycles': 16},

@@ -73,6 +73,12 @@ def row_tuning_table():
     return constant_table(TUNING)
 
 
+def health_tuning_table():
+    """Return every constant of the health of the calibration."""
+    from ..core.health.tuning import TUNING
+    return constant_table(TUNING)
+
+
 def third_view_tuning_table():
     """Return every constant of the projector as a third view."""
     from ..core.surface.third.tuning import TUNING
@@ -154,9 +160,10 @@ def explained(provenance):
 
 TABLES = {'parameters': parameter_table, 'outputs': output_table, 'status': status_table,
           'commands': command_table, 'tuning': tuning_table, 'paper_tuning': paper_tuning_table,
-           'row_tuning': row_tuning_table, 'projector_tuning': projector_tuning_table,
-           'third_view_tuning': third_view_tuning_table, 'account_tuning': account_tuning_table,
-           'disturbances': disturbance_table}
+          'row_tuning': row_tuning_table, 'health_tuning': health_tuning_table,
+          'projector_tuning': projector_tuning_table,
+          'third_view_tuning': third_view_tuning_table, 'account_tuning': account_tuning_table,
+          'disturbances': disturbance_table}
 
 
 def with_tables(text):

@@ -11,6 +11,9 @@ import numpy as np
 from ..errors import CalibrationError, SettingsError
 from .cameras.rectification import Rectifier
 from .compiled import refuse_after_fork
+from .health.drift import corrected
+from .health.prior import drift_covariance
+from .health.tracking import HealthTracker
 from .methods import make_method
 from .projector.patches import Measured
 from .projector.tracking import Given, Track
@@ -44,18 +47,21 @@ class ColorStereo:
         which takes up to half a second; where the projector is not known, search for it, which
         takes up to a second. False: the caller does it by `search_rows` and `adopt`, and by
         `search_projector` and `adopt_projector`.
+    covariance : StereoCovariance, optional
+        How exact the calibration is. Without it that of a good calibration is assumed.
 
     Raises
     ------
     CalibrationError, SettingsError
-        If an argument has the wrong class, or the depth limits do not fit the calibration.
+        If an argument has the wrong class, or depth limits or covariance do not fit the
+        calibration.
     ForkError
         If this process was forked from one that had used a ColorStereo; methods raise it, too.
 
     """
 
     def __init__(self, calibration, settings=Settings(), *, rectified_input=False,
-                 search_at_once=True):
+                 search_at_once=True, covariance=None):
         """Build the maps and warm the kernels."""
         refuse_after_fork()
         if not hasattr(calibration, 'geometry'):
@@ -65,16 +71,26 @@ class ColorStereo:
         self.calibration = calibration
         self.settings = settings
         self._limits = disparity_limits(calibration.geometry, settings.range)
-        self._rectifier = Rectifier(calibration, rectified_input)
-        self._method = self._make_method()
-        self._search_at_once = search_at_once
-        self._alignment = self._projector = None
+        self._rectified_input, self._search_at_once = rectified_input, search_at_once
+        prior = None if covariance is None else drift_covariance(calibration, covariance)
+        self._follower = HealthTracker(calibration, rectified_input, prior)
+        self._measure_as(self._follower.unknown().applied)
+        self._alignment = self._projector = self._health = None
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)
         self.process(black, black)
-        self._alignment = self._projector = None
+        self._alignment = self._projector = self._health = None
 
-    def _make_method(self):
-        return make_method(self.settings, self.calibration, self._limits, self._rectifier)
+    def _measure_as(self, applied):
+        """Make maps and method for cameras that have moved by a drift, float64 (6,)."""
+        calibration = self.calibration
+        if applied.any():
+            calibration = corrected(calibration, applied, baseline=False)
+        self._rectifier = Rectifier(calibration, self._rectified_input)
+        self._method = self._make_method(calibration)
+        self._applied = applied
+
+    def _make_method(self, calibration):
+        return make_method(self.settings, calibration, self._limits, self._rectifier)
 
     def rectify(self, left, right):
         """
@@ -98,12 +114,13 @@ class ColorStereo:
         refuse_after_fork()
         return self._rectifier.rectify(left, right)
 
-    def process(self, left, right, alignment=None, projector=None):
+    def process(self, left, right, alignment=None, projector=None, health=None):
         """
         Measure one pair of images.
 
         By default the object carries from pair to pair what it knows of the rows of the two
-        views (`RangeResult.alignment`) and of the projector (`RangeResult.projector`).
+        views (`RangeResult.alignment`), of the projector (`RangeResult.projector`) and of the
+        calibration (`RangeResult.health`).
 
         Parameters
         ----------
@@ -114,7 +131,9 @@ class ColorStereo:
             What is known of the rows before this pair. The object then does not carry on what
             the pair shows of them.
         projector : Track, optional
-            The same for the projector. With both, the result depends on the pair and these
+            The same for the projector.
+        health : Health, optional
+            The same for the calibration. With all three, the result depends on the pair and these
             values only.
 
         Returns
@@ -134,9 +153,9 @@ class ColorStereo:
         kept = left.copy()  # the image is made when asked, and the caller may reuse its arrays
         image = cache(partial(self._rectifier.rectify_left, kept))
         with KERNELS:
-            found = self._measure(_read_only(kept), _read_only(right), alignment, projector,
-                                  image, clock)
-        return self._result(found, image, clock)
+            found, health = self._measure(_read_only(kept), _read_only(right), alignment,
+                                          projector, health, image, clock)
+        return self._result(found, image, clock, health)
 
     def process_left(self, left, projector=None):
         """
@@ -179,29 +198,43 @@ class ColorStereo:
                 self._projector = found.projector
         return self._result(found, image, clock)
 
-    def _result(self, found, image, clock):
+    def _result(self, found, image, clock, health=None):
         if found.views is None:
             found = replace(found, views=(found.status == VALID).view(np.uint8))
         return RangeResult(
             **vars(found), image_source=image,
             geometry=self.calibration.geometry, disparity_limits=self._limits,
-            seconds=clock.seconds, planar=getattr(self._method, 'planar', False))
+            seconds=clock.seconds, health=health, planar=getattr(self._method, 'planar', False))
 
-    def _measure(self, left, right, alignment, projector, image, clock):
+    def _measure(self, left, right, alignment, projector, health, image, clock):
         if not hasattr(self._method, 'match_aligned'):
-            return self._method.measure(left, right, clock)
+            return self._method.measure(left, right, clock), None
+        before = self.health if health is None else health
+        known = self._alignment if alignment is None else alignment
+        if self._corrected_anew(before):
+            known = None  # rows lie elsewhere now
         searched = partial(self._searched, left, right) if self._search_at_once else None
         given = None if not self.may_use_projector else Given(
             self._projector if projector is None else projector, image, self._tracker,
             self._search_at_once, partial(self._rectifier.left_patches, left))
-        found = self._method.measure(
-            left, right, clock, self._alignment if alignment is None else alignment, searched,
-            given)
+        found = self._method.measure(left, right, clock, known, searched, given)
+        after = self._follower.follow(before.but(applied=self._applied), found.alignment)
         if alignment is None:
             self._alignment = found.alignment
         if projector is None:
             self._projector = found.projector
-        return found
+        if health is None:
+            self._health = after
+        return found, None if found.alignment is None else after
+
+    def _corrected_anew(self, health):
+        """Correct the maps for what is known of the drift; return whether its rows moved."""
+        applied = health.drift * 0
+        if self.settings.health.correct == 'apply':
+            applied = self._follower.to_apply(health)
+        if not np.array_equal(applied, self._applied):
+            self._measure_as(applied)
+        return not np.array_equal(applied, health.applied)
 
     def _searched(self, left, right):
         return search(self._rectifier.rectify(left, right), self._limits,
@@ -247,10 +280,20 @@ class ColorStereo:
         with KERNELS:
             self._alignment = alignment
 
-    def reset(self):
-        """Forget what is known of the rows of the two views and of the projector."""
+    @property
+    def health(self):
+        """Return what is known of the calibration before the next pair, a Health."""
+        return self._follower.unknown() if self._health is None else self._health
+
+    def adopt_health(self, health):
+        """Carry this Health to the next pair, instead of what the last one showed."""
         with KERNELS:
-            self._alignment = self._projector = None
+            self._health = health
+
+    def reset(self):
+        """Forget what is known of rows, projector and drift of the cameras."""
+        with KERNELS:
+            self._alignment = self._projector = self._health = None
 
     @property
     def may_use_projector(self):

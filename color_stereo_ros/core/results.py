@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from .cameras.geometry import RectifiedGeometry
+from .health.health import Health
 from .normals import normals_of
 from .projector.tracking import Track
 from .rows.alignment import Alignment
@@ -69,6 +70,12 @@ class RangeResult(Measurement):
     """The disparities of 2 x 2 pixels lie on a plane that was fitted to the images."""
     normals_source: object = field(default=None, kw_only=True)
     """A function that returns the normals, where they are a part of others; None: computed."""
+    health: Health | None = field(default=None, kw_only=True)
+    """
+    By how much the cameras have moved since they were calibrated, and its `sentence()`.
+
+    None: `matching.row_alignment` is off, or the method does not measure the rows.
+    """
 
     @cached_property
     def image(self):

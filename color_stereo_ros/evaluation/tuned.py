@@ -35,10 +35,10 @@ class TunedStereo(ColorStereo):
         self._constants = constants
         super().__init__(calibration, settings)
 
-    def _make_method(self):
+    def _make_method(self, calibration):
         expectation = Expectation.of(self.settings.pattern)
-        tuning = tuning_for(expectation, self.calibration.geometry.width)
-        return SurfaceMethod(self.settings, self.calibration, self._limits,
+        tuning = tuning_for(expectation, calibration.geometry.width)
+        return SurfaceMethod(self.settings, calibration, self._limits,
                              tuning=replaced(tuning, self._constants))
 
 

@@ -226,6 +226,42 @@ class TFMessage:
     """Of TransformStamped."""
 
 
+@dataclass(frozen=True)
+class KeyValue:
+    """A named value as text."""
+
+    TYPE = 'diagnostic_msgs/msg/KeyValue'
+
+    key: str
+    value: str
+
+
+@dataclass(frozen=True)
+class DiagnosticStatus:
+    """The state of one part of a robot."""
+
+    TYPE = 'diagnostic_msgs/msg/DiagnosticStatus'
+
+    level: int
+    """0 = OK, 1 = WARN, 2 = ERROR, 3 = STALE."""
+    name: str
+    message: str
+    hardware_id: str
+    values: tuple
+    """Of KeyValue."""
+
+
+@dataclass(frozen=True)
+class DiagnosticArray:
+    """The state of a robot."""
+
+    TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
+
+    header: Header
+    status: tuple
+    """Of DiagnosticStatus."""
+
+
 def new_memory(size):
     """Return bytes for the field `data` of a content; the size is their number."""
     return array('B', bytes(size))

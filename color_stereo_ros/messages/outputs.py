@@ -19,10 +19,11 @@ from ..core.legends import with_status_legend
 from ..core.registry import Registry
 from .cloud import cloud
 from .compressing import compressed_depth, jpeg
-from .contents import (camera_info, CameraInfo, CompressedImage, DisparityImage, Header, Image,
-                       image, new_memory, PointCloud2)
+from .contents import (camera_info, CameraInfo, CompressedImage, DiagnosticArray, DisparityImage,
+                       Header, Image, image, new_memory, PointCloud2)
 from .disparity import disparity
 from .frames import frames_of
+from .health import health_message, suggestion, TOPIC as HEALTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,8 @@ class Context:
     """Called with a size, returns that many bytes for `data`; they may hold an older message."""
     physical_frame: str | None = None
     """Name of the physical left camera; None: that of the header."""
+    calibration: object = None
+    """StereoCalibration as given; None: what asks for it says nothing."""
 
     @classmethod
     def of(cls, header, settings, calibration):
@@ -59,7 +62,7 @@ class Context:
         """
         frames = frames_of(header.frame_id, calibration, settings.output)
         return cls(Header(header.stamp, frames.rectified), settings, frames.rotation,
-                   physical_frame=frames.physical)
+                   physical_frame=frames.physical, calibration=calibration)
 
     @property
     def points_header(self):
@@ -189,6 +192,15 @@ def _views(result, context):
         'right of it')
 def _status_picture(result, context):
     return _bgr(with_status_legend(status_picture(result.status)), context.header)
+
+
+@output(HEALTH, DiagnosticArray, 'one status: by how much rows and depth have drifted since the '
+        'cameras were calibrated, with standard deviations; see `health.correct`')
+def _calibration_health(result, context):
+    suggested = None
+    if context.calibration is not None:
+        suggested = suggestion(result.health, context.calibration, context.settings)
+    return health_message(result.health, 'calibration health', context.header, suggested)
 
 
 @output('range_image', Image, 'bgr8, false colors of the depth, unknown = black; the size of '

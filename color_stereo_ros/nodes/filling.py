@@ -59,7 +59,8 @@ def fill(message, content):
     for name in _names(type(content)):
         value = getattr(content, name)
         if isinstance(value, (int, float, str)):
-            setattr(message, name, value)
+            octet = isinstance(getattr(message, name), bytes)
+            setattr(message, name, bytes([value]) if octet else value)
         elif isinstance(value, tuple):
             _fill_list(message, name, value)
         elif hasattr(value, 'TYPE'):

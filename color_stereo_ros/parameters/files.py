@@ -22,6 +22,8 @@ OTHERS = ('sim_rig_node', *PROJECTORS)
 PASSED_OVER = ('input', 'output', 'sync', 'capture', 'sim', 'qos_overrides', 'use_sim_time',
                'start_type_description_service')
 """Groups and parameters of the nodes that are no settings of the core."""
+NODE_ONLY = ('health.covariance',)
+"""Parameters of range_node in groups of the core."""
 
 CALIBRATION_FIELDS = ('camera_matrix', 'distortion_coefficients', 'projection_matrix')
 """Names by which a camera_info file is known."""
@@ -135,7 +137,8 @@ def _flattened(values, prefix=''):
 
 
 def _is_passed_over(name):
-    return name.partition('.')[0] in PASSED_OVER
+    """Return whether a name belongs to a node, and not to everybody who reads its file."""
+    return name.partition('.')[0] in PASSED_OVER or name in NODE_ONLY
 
 
 def _checked(path, settings, known, name, value):

@@ -3,9 +3,10 @@
 
 from dataclasses import dataclass
 
+from ..core.cameras.covariance import StereoCovariance
 from ..core.false_color import RANGE_COLORS, RANGE_LIMITS
 from ..core.results import POINT_FIELDS
-from ..core.settings import Group, PatternSettings, setting, Settings
+from ..core.settings import Group, HealthSettings, PatternSettings, setting, Settings
 from ..errors import brief, SettingsError
 
 
@@ -152,6 +153,19 @@ class CaptureSettings(Group):
 
 
 @dataclass(frozen=True)
+class NodeHealthSettings(HealthSettings):
+    """The same, and how exact the calibration is."""
+
+    covariance: str = setting(
+        '', 'file stereo_covariance.yaml of the calibration in use, which says how exact it is; '
+        'empty = that of a good calibration is assumed')
+
+    def read_covariance(self):
+        """Return the StereoCovariance of the file, None without one; CalibrationError."""
+        return StereoCovariance.read(self.covariance) if self.covariance else None
+
+
+@dataclass(frozen=True)
 class MeasuringSettings:
     """The settings of the core, for those who add groups of their own."""
 
@@ -159,12 +173,13 @@ class MeasuringSettings:
     color: Group = Settings().color
     matching: Group = Settings().matching
     range: Group = Settings().range
+    health: Group = Settings().health
 
     @property
     def core(self):
         """Return the part that the core knows."""
         return Settings(pattern=self.pattern, color=self.color, matching=self.matching,
-                        range=self.range)
+                        range=self.range, health=self.health)
 
 
 @dataclass(frozen=True)
@@ -175,6 +190,7 @@ class RangeNodeSettings(MeasuringSettings):
     output: OutputSettings = OutputSettings()
     sync: SyncSettings = SyncSettings()
     capture: CaptureSettings = CaptureSettings()
+    health: NodeHealthSettings = NodeHealthSettings()
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,8 @@ class OfflineSensor:
         elif self._watch.calibration is not None:
             with patience():
                 self._stereo = ColorStereo(self._watch.calibration, self._settings.core,
-                                           rectified_input=self._settings.input.rectified)
+                                           rectified_input=self._settings.input.rectified,
+                                           covariance=self._settings.health.read_covariance())
 
     def _measure_waiting(self):
         while self._stereo is not None and self._waiting:

@@ -3,9 +3,10 @@
 
 from .fields import (
     checked_value, described, explained, flat, Group, Metadata, setting, suggestion, updated)
-from .groups import ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings
+from .groups import (
+    ColorSettings, HealthSettings, MatchingSettings, PatternSettings, RangeSettings, Settings)
 
 __all__ = [
-    'ColorSettings', 'Group', 'MatchingSettings', 'Metadata', 'PatternSettings', 'RangeSettings',
-    'Settings', 'checked_value', 'described', 'explained', 'flat', 'setting', 'suggestion',
+    'ColorSettings', 'Group', 'HealthSettings', 'MatchingSettings', 'Metadata',
+    'PatternSettings', 'RangeSettings', 'Settings', 'checked_value', 'described', 'explained', 'flat', 'setting', 'suggestion',
     'updated']

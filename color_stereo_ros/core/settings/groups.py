@@ -178,6 +178,19 @@ class RangeSettings(Group):
 
 
 @dataclass(frozen=True)
+class HealthSettings(Group):
+    """What is done where the cameras have moved since they were calibrated."""
+
+    prefix = 'health'
+
+    correct: str = setting(
+        'off', 'surface method: drift between the cameras, which the rows of the pairs show; off: '
+        'it is told; suggest: told, with the calibration that would fit; apply: pairs are '
+        'measured with that calibration, up to 1 degree and 1 % of the focal length; files and '
+        'camera_info stay as they are', choices=('off', 'suggest', 'apply'))
+
+
+@dataclass(frozen=True)
 class Settings:
     """
     All settings of the core.
@@ -191,6 +204,7 @@ class Settings:
     color: ColorSettings = ColorSettings()
     matching: MatchingSettings = MatchingSettings()
     range: RangeSettings = RangeSettings()
+    health: HealthSettings = HealthSettings()
 
     def __post_init__(self):
         """Refuse a group of the wrong class."""

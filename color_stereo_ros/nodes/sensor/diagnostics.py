@@ -15,6 +15,7 @@ from ...core.account import (
     rows_in_words, status_shares, SUSPICIOUS)
 from ...core.patterns.seen import Seen
 from ...errors import bounded
+from ...messages.health import health_values, needs_care, UNKNOWN
 from ...messages.synchronizer import SIDES
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -57,8 +58,9 @@ class Diagnostics:
 
 
 def _diagnostic_array(sensor, name, stamp):
-    """Return the DiagnosticArray: a summary, inputs, calibration, pattern, range images."""
-    judges = {'inputs': _inputs, 'calibration': _calibration, 'pattern': _pattern,
+    """Return the DiagnosticArray: a summary, inputs, calibration, its health, pattern, range images."""
+    judges = {'inputs': _inputs, 'calibration': _calibration,
+              'calibration health': _calibration_health, 'pattern': _pattern,
               'range images': _range_images}
     parts = {part: judge(sensor) for part, judge in judges.items()}
     parts = {'summary': _summary(sensor, parts), **parts}
@@ -200,6 +202,17 @@ def _rows(result):
     return {'row error (px)': error, 'row error, largest': place,
             'row error, standard deviation (px)': float(alignment.std[0]),
             'rows corrected': bool(alignment.applied.any())}
+
+
+def _calibration_health(sensor):
+    """Judge by how much the cameras have moved since they were calibrated."""
+    result = sensor.worker.account.result
+    if result is None:
+        return OK, 'no pair has been measured yet', {}
+    if result.health is None:
+        return OK, UNKNOWN, {}
+    level = WARN if needs_care(result.health) else OK
+    return level, result.health.sentence(), health_values(result.health)
 
 
 def _about_no_calibration(watch):

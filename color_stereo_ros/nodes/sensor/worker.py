@@ -255,7 +255,8 @@ class Worker:
                 with told_of_compiling(lambda: self._note_compiling(setup.settings.core)):
                     self._built = setup.key, ColorStereo(
                         setup.calibration, setup.settings.core,
-                        rectified_input=setup.settings.input.rectified, search_at_once=False)
+                        rectified_input=setup.settings.input.rectified, search_at_once=False,
+                        covariance=setup.settings.health.read_covariance())
             finally:
                 self._end_helper()
                 self.state = 'ready'

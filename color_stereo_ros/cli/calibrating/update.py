@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`color_stereo calibrate update`: the calibration of cameras that have moved, as new files."""
+
+SUMMARY = 'write the calibration of cameras that have moved, as a new pair of files'
+NEEDS = ''
+FILES = 'left.yaml', 'right.yaml'
+
+
+def add_arguments(parser):
+    """Declare the arguments."""
+    from ...parameters.groups import RangeNodeSettings
+    from ...recordings.topics import OPTIONS
+    from ..arguments import add_settings_arguments
+    parser.add_argument('result', help='folder to make; it gets left.yaml and right.yaml, and '
+                        'appears when it is complete')
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument('--recording', help='rosbag2 folder, .mcap, .db3 or ROS 1 bag of pairs '
+                        'under the pattern, with their camera_info (extra [tools])')
+    source.add_argument('--health', metavar='FILE', help='what `ros2 topic echo --once '
+                        'calibration_health` has printed')
+    parser.add_argument('--left', metavar='FILE', help='with --health: camera_info of the left '
+                        'camera in use')
+    parser.add_argument('--right', metavar='FILE', help='with --health: camera_info of the right '
+                        'camera in use')
+    parser.add_argument('--namespace', metavar='NAME', help='namespace of the cameras, needed '
+                        'where a recording has several pairs')
+    for option in OPTIONS:
+        parser.add_argument(option, metavar='TOPIC', help='with --recording: topic where it has '
+                            'another name than range_node expects')
+    add_settings_arguments(parser, settings=RangeNodeSettings())
+
+
+def run(args):
+    """Write the calibration of the command line; refuse a drift that nothing has shown."""
+    from pathlib import Path
+
+    from ...core.health.drift import corrected
+    from ...errors import CalibrationError
+    from ...files.atomic import folder_written_whole
+    if Path(args.result).exists():
+        raise CalibrationError(f'{args.result}: is there already; name a folder that is not')
+    calibration, drift = (from_recording if args.recording else from_file)(args)
+    fixed = corrected(calibration, drift)
+    with folder_written_whole(args.result) as folder:
+        folder.mkdir()
+        fixed.to_yaml(*(folder / name for name in FILES))
+    print(f'{args.result}: {told(drift)}')
+
+
+def told(drift):
+    """Return what was changed as one sentence."""
+    from ...core.health.drift import NAMES, SHOWN, UNITS
+    return 'calibration changed by ' + ', '.join(
+        f'{name} {value:.4f} {unit}' for name, value, unit in zip(NAMES, drift * SHOWN, UNITS))
+
+
+def from_file(args):
+    """Return calibration and drift of a health file and two camera_infos."""
+    from ...core import StereoCalibration
+    from ...errors import SettingsError
+    from ...messages.health import read_drift
+    if not (args.left and args.right):
+        raise SettingsError('--health needs --left and --right, the calibration in use')
+    return StereoCalibration.from_yaml(args.left, args.right), read_drift(args.health)
+
+
+def from_recording(args):
+    """Return calibration and drift of the pairs of a recording."""
+    from ...errors import CalibrationError
+    from ...parameters.groups import RangeNodeSettings
+    from ...recordings.drift import DriftSensor
+    from ...recordings.reading import Recording
+    from ...recordings.topics import StereoTopics
+    from ..arguments import settings_from
+    from ..progress import Progress
+    settings = settings_from(args, RangeNodeSettings())
+    with Recording(args.recording) as recording:
+        topics = recording.stereo_topics(args.namespace, StereoTopics(
+            args.left_image, args.right_image, args.left_info, args.right_info),
+            settings.input.transport == 'compressed')
+        with Progress(total=recording.counts[topics.left_image], unit='pair') as progress:
+            sensor = DriftSensor(recording, topics, settings, say=progress.say)
+            for message in recording.messages(topics.names):
+                sensor.take(message)
+                progress.update(message.topic == topics.left_image)
+            sensor.finish()
+    health = sensor.health
+    if health is None or not health.pairs:
+        reason = 'its rows were not measured' if health is None else health.sentence()
+        raise CalibrationError(f'{args.recording}: no calibration is written: {reason}')
+    print(health.sentence())
+    return sensor.calibration, health.drift

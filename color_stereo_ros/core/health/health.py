@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The health of a calibration as a value: what is known of its drift, and what that does."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..rows.alignment import COUNT as TERMS
+from .drift import COUNT, NAMES, SHOWN, UNITS
+from .tuning import TUNING
+
+MILLIMETERS = 1000
+BLIND = 'drift of the calibration: not observable with this pattern, which shows no rows'
+
+
+def constant_array(values):
+    """Return a float64 array of its own that cannot be written."""
+    values = np.array(values, np.float64)
+    values.flags.writeable = False
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class Health:
+    """
+    What is known of the drift between the cameras since they were calibrated; immutable.
+
+    `ColorStereo.process` returns it in `RangeResult.health` and takes it for the next pair.
+
+    """
+
+    prior: np.ndarray
+    """float64 (6, 6), covariance of the numbers of the drift as the calibration knows them."""
+    drift: np.ndarray
+    """float64 (6,), see `drift.NAMES`: rad, relative for the focal length."""
+    covariance: np.ndarray
+    """float64 (6, 6), of the drift."""
+    applied: np.ndarray
+    """float64 (6,): by this drift the maps of this pair were corrected; 0: as calibrated."""
+    information: np.ndarray
+    """float64 (13, 13), of the drift and of seven row terms of the scene, from rows alone."""
+    pull: np.ndarray
+    """float64 (13,), information times what it is about."""
+    knocked: bool = False
+    """Whether the cameras have moved, and not only the calibration is not exact."""
+    observable: bool = False
+    """Whether the pattern of the last pair shows rows; a sweep along them does not."""
+    pairs: int = 0
+    """Pairs that were used since the start or the last knock."""
+    age: int = 0
+    """Pairs since the drift was brought up to date."""
+    rows: float = 0.0
+    """By how much rows differ, root mean square over the image at the working distance, px."""
+    rows_std: float = float('inf')
+    """Its standard deviation, px."""
+    disparity: float = 0.0
+    """By how much disparities are wrong, root mean square, px."""
+    disparity_std: float = float('inf')
+    """Its standard deviation, px."""
+    depth: float = 0.0
+    """The same of the depth at the working distance, m."""
+    depth_std: float = float('inf')
+    """Its standard deviation, m."""
+    distance: float = float('nan')
+    """The working distance: median depth of the evidence, m; NaN: there was none."""
+
+    def __post_init__(self):
+        """Keep the arrays from being written."""
+        for name in ('prior', 'drift', 'covariance', 'applied', 'information', 'pull'):
+            object.__setattr__(self, name, constant_array(getattr(self, name)))
+
+    @classmethod
+    def unknown(cls, prior):
+        """Return what is known before the first pair; prior: float64 (6, 6), a covariance."""
+        size = COUNT + TERMS
+        return cls(prior, np.zeros(COUNT), prior, np.zeros(COUNT), np.zeros((size, size)),
+                   np.zeros(size))
+
+    @property
+    def std(self):
+        """Return the standard deviations of the drift, float64 (6,), in its units."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def known(self):
+        """Return which numbers of the drift the pairs tell, bool (6,)."""
+        before = np.square(np.asarray(TUNING.estimate.knocked_std) / SHOWN)
+        return np.diag(self.covariance) < TUNING.use.known ** 2 * (
+            before + np.diag(self.prior))
+
+    @property
+    def drifted(self):
+        """Return whether rows or depth have drifted by more than is worth telling."""
+        use = TUNING.use
+        return any(
+            value > max(told, use.sure * spread) for value, told, spread in (
+                (self.rows, use.told_rows, self.rows_std),
+                (self.disparity, use.told_disparity, self.disparity_std)))
+
+    @property
+    def correctable(self):
+        """Return whether the drift is small enough to be corrected."""
+        return bool((np.abs(self.drift[:4] * SHOWN[:4]) <= TUNING.use.largest).all())
+
+    @property
+    def is_applied(self):
+        """Return whether the maps of this pair were corrected."""
+        return bool(self.applied.any())
+
+    def numbers(self):
+        """
+        Return the drift for people.
+
+        Returns
+        -------
+        numbers : dict
+            Names to (value, standard deviation, unit), degrees and percent.
+
+        """
+        return {name: (float(value), float(spread), unit) for name, value, spread, unit in
+                zip(NAMES, self.drift * SHOWN, self.std * SHOWN, UNITS)}
+
+    def sentence(self):
+        """Return what people should know of the calibration, as one sentence."""
+        if not self.pairs:
+            return 'drift of the calibration: unknown yet' if self.observable else BLIND
+        text = (f'rows {self.rows:.2f} +- {self.rows_std:.2f} px, depth '
+                f'{self.depth * MILLIMETERS:.2f} +- {self.depth_std * MILLIMETERS:.2f} mm at '
+                f'{self.distance:.2f} m')
+        if not self.drifted:
+            return f'the calibration holds: {text}'
+        if not self.correctable:
+            return (f'the cameras have moved too far to be corrected: {text}; calibrate them '
+                    'again')
+        return f'the cameras have moved: {text}' + (' (corrected)' if self.is_applied else (
+            '; correct it by health.correct: apply, or by color_stereo calibrate update'))
+
+    def but(self, **changes):
+        """Return this health with some fields replaced."""
+        return replace(self, **changes)

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a calibration with covariance knows of the six numbers of the drift."""
+
+import numpy as np
+
+from ..cameras.covariance import rectified_derivatives
+from .drift import COUNT, expected_fields
+from .tuning import TUNING
+
+
+def drift_covariance(calibration, covariance):
+    """
+    Return the covariance of the drift that the errors of a calibration look like.
+
+    All parameters of both cameras count: an error of a principal point looks like a turn. Each
+    parameter moves rows and disparities of a volume; the six numbers of the drift that explain
+    this best are its image. What scales all disparities, as the length of the baseline does, is
+    no drift.
+
+    Parameters
+    ----------
+    calibration : StereoCalibration
+    covariance : StereoCovariance
+
+    Returns
+    -------
+    covariance : numpy.ndarray, float64, shape (6, 6)
+        See `drift.NAMES`.
+
+    Raises
+    ------
+    CalibrationError
+        If the covariance belongs to another calibration.
+
+    """
+    covariance.check(calibration)
+    tuning, geometry = TUNING.prior, calibration.geometry
+    x, y, depth = (each.ravel() for each in np.meshgrid(
+        np.linspace(0, geometry.width - 1, tuning.grid),
+        np.linspace(0, geometry.height - 1, tuning.grid),
+        geometry.baseline * np.array(tuning.depths), indexing='ij'))
+    rows, disparities = rectified_derivatives(calibration, x, y, depth)
+    known = np.isfinite(rows).all(axis=1) & np.isfinite(disparities).all(axis=1)
+    x, y, shift = x[known], y[known], geometry.focal_baseline / depth[known]
+    by_drift = expected_fields(calibration, x, y, shift + geometry.principal_offset)
+    scale = np.concatenate([np.zeros_like(shift), shift])
+    fields = np.column_stack([np.concatenate(by_drift), scale])
+    images = np.linalg.lstsq(
+        fields, np.concatenate([-rows[known], disparities[known]]), rcond=None)[0][:COUNT]
+    return images @ covariance.matrix @ images.T + np.eye(COUNT) * tuning.least_std ** 2

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The drift of the cameras from pairs: carried, applied, taken back, told, written anew."""
+
+from functools import lru_cache
+
+from color_stereo_ros.cli import main as cli
+from color_stereo_ros.core import CalibrationError, ColorStereo, StereoCalibration
+from color_stereo_ros.core.cameras.covariance import StereoCovariance
+from color_stereo_ros.core.cameras.parameters import StereoParameters
+from color_stereo_ros.core.health.drift import corrected, expected_fields, SHOWN
+from color_stereo_ros.core.health.prior import drift_covariance
+from color_stereo_ros.core.health.tracking import HealthTracker
+from color_stereo_ros.messages.contents import Header
+from color_stereo_ros.messages.health import health_message, read_drift, suggestion, UNKNOWN
+from color_stereo_ros.messages.outputs import Context, OUTPUTS
+from color_stereo_ros.nodes.filling import message_of
+from color_stereo_ros.parameters.groups import NodeHealthSettings, RangeNodeSettings
+from color_stereo_ros.recordings.writing import write_recording
+import numpy as np
+import pytest
+from surface_pairs import exposed, photographed, plane, rig, surface_settings
+import test_health
+from test_rows import same
+import yaml
+
+SIZE = 320, 240
+KNOCK = np.array([0.15, 0.0, 0.2, 0.0, 0.0, 0.0]) / SHOWN
+DISPARITY = plane(*SIZE, 30.0, 0.01, 0.02)
+WORDS = ['--range.min_depth', str(32 / 44), '--range.max_depth', str(32 / 16)]
+
+
+def settings(**changes):
+    """Return settings for these pairs."""
+    return surface_settings(16, 44, **changes)
+
+
+@lru_cache(maxsize=8)
+def pair(knocked, seed=1):
+    """Return a pair of a plane from cameras as calibrated or knocked."""
+    rng, calibration = np.random.default_rng(seed), rig(*SIZE)
+    drift = KNOCK if knocked else 0 * KNOCK
+    row, column = (each.ravel().astype(float) for each in np.mgrid[:SIZE[1], :SIZE[0]])
+    rows, disparities = expected_fields(calibration, column + 30, row, np.full(row.size, 30.0))
+    moved = [(each @ drift).reshape(SIZE[::-1]) for each in (rows, disparities)]
+    return (exposed(photographed(-DISPARITY), rng),
+            exposed(photographed(moved[1], rows=moved[0]), rng))
+
+
+def test_a_knock_is_measured_applied_and_taken_back():
+    stereo = ColorStereo(rig(*SIZE), settings(health__correct='apply'))
+    sound = stereo.process(*pair(False))
+    assert not sound.health.drifted and not sound.health.is_applied
+    first = stereo.process(*pair(True))
+    assert first.health.drifted and not first.health.is_applied
+    after = [stereo.process(*pair(True, seed)) for seed in (2, 3, 4)]
+    assert all(each.health.is_applied for each in after)
+    error = (after[-1].health.drift - KNOCK) * SHOWN
+    assert np.abs(error[[0, 2]]).max() < 0.01
+    assert abs(after[-1].alignment.largest()[0]) < 0.1 < abs(first.alignment.largest()[0])
+    assert after[-1].density > sound.density - 0.01
+    assert after[-1].geometry == sound.geometry
+    stereo.reset()
+    again = stereo.process(*pair(False))
+    assert same(again, sound) and not again.health.is_applied
+
+
+def test_a_pair_with_given_values_depends_on_them_only():
+    stereo = ColorStereo(rig(*SIZE), settings(health__correct='apply'))
+    for seed in (1, 2):
+        result = stereo.process(*pair(True, seed))
+    given = result.alignment, result.projector, result.health
+    kept = stereo.health
+    one = stereo.process(*pair(True, 3), *given)
+    assert stereo.health is kept
+    stereo.reset()
+    stereo.process(*pair(False))
+    other = stereo.process(*pair(True, 3), *given)
+    assert same(one, other)
+    assert np.array_equal(one.health.drift, other.health.drift) and other.health.is_applied
+    stereo.adopt_health(result.health)
+    assert stereo.health is result.health
+
+
+@pytest.mark.parametrize('choice', ['off', 'suggest'])
+def test_nothing_is_corrected_without_being_asked(choice):
+    stereo = ColorStereo(rig(*SIZE), settings(health__correct=choice))
+    for seed in (1, 2):
+        result = stereo.process(*pair(True, seed))
+    assert result.health.drifted and not result.health.applied.any()
+    assert 'calibrate update' in result.health.sentence()
+    node = RangeNodeSettings(health=NodeHealthSettings(choice))
+    found = suggestion(result.health, rig(*SIZE), node)
+    assert (found is None) == (choice == 'off')
+
+
+def test_without_rows_there_is_no_health():
+    stereo = ColorStereo(rig(*SIZE), settings(matching__row_alignment='off'))
+    result = stereo.process(*pair(False))
+    assert result.health is None
+    assert health_message(None, 'x', Header()).status[0].message == UNKNOWN
+
+
+def knocked_health():
+    """Return the Health of a knocked pair, and its calibration."""
+    calibration = test_health.rig('barrel')
+    tracker = HealthTracker(calibration)
+    return tracker.follow(tracker.unknown(), test_health.alignment(
+        calibration, test_health.KNOCK, noise=0.05)), calibration
+
+
+def test_the_message_holds_all_digits_and_the_suggestion(tmp_path):
+    health, calibration = knocked_health()
+    fixed = corrected(calibration, health.drift)
+    content = health_message(health, 'calibration health', Header.at(7, 'left'), fixed)
+    message = message_of(content)
+    assert message.status[0].level == b'\x01'
+    values = {each.key: each.value for each in message.status[0].values}
+    assert [float(each) for each in values['suggested right K'].split()] == [
+        *fixed.right.K.ravel()]
+    path = tmp_path / 'health.yaml'
+    path.write_text(yaml.safe_dump({'status': [{'values': [
+        {'key': key, 'value': value} for key, value in values.items()]}]}) + '---\n')
+    assert read_drift(path) == pytest.approx(health.drift, rel=1e-12)
+    for text, reason in (('a: 1', 'tells no drift'), ('a: [', 'is no YAML'),
+                         (path.read_text().replace("'yaw (degrees)'", 'x')
+                          .replace('yaw (degrees)', 'x'), 'tells no drift')):
+        path.write_text(text)
+        with pytest.raises(CalibrationError, match=reason):
+            read_drift(path)
+
+
+def test_the_topic_is_one_of_the_outputs():
+    stereo = ColorStereo(rig(*SIZE), settings())
+    result = stereo.process(*pair(True))
+    node = RangeNodeSettings(health=NodeHealthSettings('suggest'))
+    content = OUTPUTS['calibration_health'].content(
+        result, Context.of(Header.at(7, 'left'), node, rig(*SIZE)))
+    keys = [each.key for each in content.status[0].values]
+    assert 'rows (px)' in keys and 'suggested right R' in keys
+
+
+def test_update_writes_a_new_calibration_from_a_health_file(tmp_path, capsys):
+    health, calibration = knocked_health()
+    files = [tmp_path / name for name in ('left.yaml', 'right.yaml')]
+    calibration.to_yaml(*files)
+    message = health_message(health, 'x', Header())
+    (tmp_path / 'health.yaml').write_text(yaml.safe_dump({'status': [{'values': [
+        {'key': each.key, 'value': each.value} for each in message.status[0].values]}]}))
+    words = ['calibrate', 'update', str(tmp_path / 'new'), '--health',
+             str(tmp_path / 'health.yaml')]
+    assert cli.main(words) == 2 and '--left and --right' in capsys.readouterr().err
+    words += ['--left', str(files[0]), '--right', str(files[1])]
+    before = [each.read_bytes() for each in files]
+    assert not cli.main(words)
+    assert [each.read_bytes() for each in files] == before
+    written = StereoCalibration.from_yaml(tmp_path / 'new/left.yaml', tmp_path / 'new/right.yaml')
+    assert written.right.R == pytest.approx(corrected(calibration, health.drift).right.R, abs=1e-9)
+    assert written.geometry.baseline == pytest.approx(calibration.geometry.baseline)
+    assert cli.main(words) == 1 and 'is there already' in capsys.readouterr().err
+
+
+def test_update_measures_a_recording(tmp_path, capsys):
+    with write_recording(tmp_path / 'bag') as writer:
+        for number in (1, 2, 3):
+            writer.write_pair(number * 10 ** 9, *pair(True, number), rig(*SIZE))
+    words = ['calibrate', 'update', str(tmp_path / 'new'), '--recording', str(tmp_path / 'bag'),
+             *WORDS]
+    assert not cli.main(words)
+    out = capsys.readouterr().out
+    assert 'the cameras have moved' in out and 'calibration changed by pitch 0.1' in out
+    written = StereoCalibration.from_yaml(tmp_path / 'new/left.yaml', tmp_path / 'new/right.yaml')
+    turned = written.right.R.T @ rig(*SIZE).right.R
+    assert turned[0, 1] == pytest.approx(-KNOCK[2], abs=3e-4)
+    words[2] = str(tmp_path / 'other')
+    assert cli.main([*words, '--matching.row_alignment', 'off']) == 1
+    assert 'no calibration is written' in capsys.readouterr().err
+    assert not (tmp_path / 'other').exists()
+
+
+def test_the_covariance_of_a_calibration_becomes_that_of_the_drift(tmp_path):
+    calibration = test_health.rig('plain')
+    names = StereoParameters.from_calibration(calibration).names
+    matrix = np.diag(np.full(len(names), 1e-18))
+    for name, spread in (('right.cy', 0.1), ('translation.x', 1e-4)):
+        matrix[names.index(name), names.index(name)] = spread ** 2
+    covariance = StereoCovariance.of(calibration, matrix)
+    std = np.sqrt(np.diag(drift_covariance(calibration, covariance)))
+    assert std[0] == pytest.approx(0.1 / 640, rel=0.3)  # a principal point looks like a pitch
+    assert std[1] < 1e-4
+    path = tmp_path / 'stereo_covariance.yaml'
+    covariance.write(path)
+    read = NodeHealthSettings(covariance=str(path)).read_covariance()
+    assert np.sqrt(np.diag(drift_covariance(calibration, read))) == pytest.approx(std)
+    with pytest.raises(CalibrationError, match='another left calibration'):
+        ColorStereo(rig(*SIZE), covariance=read)
+    assert NodeHealthSettings().read_covariance() is None
+    sharp = ColorStereo(calibration, covariance=read).health
+    assert np.sqrt(np.diag(sharp.prior)) == pytest.approx(std)
