@@ -22,6 +22,8 @@ OTHERS = ('sim_rig_node', *PROJECTORS)
 PASSED_OVER = ('input', 'output', 'sync', 'capture', 'sim', 'qos_overrides', 'use_sim_time',
                'start_type_description_service')
 """Groups and parameters of the nodes that are no settings of the core."""
+OF_PROJECTORS = ('pattern.frame',)
+"""Parameters of pattern_node that are no settings of the core, beside its settings."""
 
 CALIBRATION_FIELDS = ('camera_matrix', 'distortion_coefficients', 'projection_matrix')
 """Names by which a camera_info file is known."""
@@ -135,7 +137,7 @@ def _flattened(values, prefix=''):
 
 
 def _is_passed_over(name):
-    return name.partition('.')[0] in PASSED_OVER
+    return name.partition('.')[0] in PASSED_OVER or name in OF_PROJECTORS
 
 
 def _checked(path, settings, known, name, value):
