@@ -20,12 +20,13 @@ DOORS = {
     'messages': 'errors files core',
     'sim': 'errors files core',
     'evaluation': 'errors files core parameters sim',
+    'calibration': 'errors files core patience',
     'recordings': 'errors files core parameters messages patience',
-    'nodes': 'errors files core parameters messages patience',
+    'nodes': 'errors files core parameters messages patience calibration',
     'bench': 'errors files core parameters messages patience sim evaluation recordings nodes',
     'demo': 'errors files core parameters messages patience sim evaluation recordings nodes',
-    'cli': 'errors files core parameters messages patience sim evaluation recordings nodes bench '
-           'demo',
+    'cli': 'errors files core parameters messages patience sim evaluation calibration recordings '
+           'nodes bench demo',
 }
 # A module with a door of its own: the node that plays the simulated rig.
 SIDE_DOORS = {'nodes/sim_rig.py': 'sim'}
@@ -47,11 +48,12 @@ PACKAGES = {
     'errors': '',
     'patience': '',
     'files': 'numpy cv2 yaml',
-    'core': 'numpy cv2',
+    'core': 'numpy cv2 yaml',
     'parameters': 'yaml',
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',
     'evaluation': 'numpy cv2 yaml matplotlib scipy tqdm',
+    'calibration': 'numpy cv2 matplotlib yaml',
 }
 # Recordings, nodes and what is built on them need what their users install.
 ROS = {'rclpy', 'sensor_msgs', 'stereo_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs',

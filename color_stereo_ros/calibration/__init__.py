@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From two cameras and a projector to a calibrated sensor; no ROS."""
