@@ -23,11 +23,11 @@ quick:  ## run the tests that need no processes, no ROS and no simulator: within
 	@$(PYTHON_RUN) -m pytest --quick
 
 test:  ## run all tests, the colcon build included
-	@.ci/setup ros,tools,sim,view,test
+	@.ci/setup ros,tools,sim,view,project,test
 	@$(PYTHON_RUN) -m pytest $(ON_ALL_CORES)
 
 proof:  ## run the tests that gain from length at full length, figures in proof_output/proof.json
-	@.ci/setup ros,tools,sim,view,test
+	@.ci/setup ros,tools,sim,view,project,test
 	@$(PYTHON_RUN) -m pytest --proof
 
 bench:  ## measure times, beside OpenCV's matchers
@@ -40,7 +40,7 @@ evaluate:  ## the paper's experiments on the simulated rig, as a report in evalu
 
 floor:  ## run all tests on the oldest versions that are supported, Ubuntu 24.04's
 	@VENV=.venv-floor PYTHONS=3.12 PIP_CONSTRAINT=test/floor-requirements.txt \
-	  .ci/setup ros,tools,sim,view,test
+	  .ci/setup ros,tools,sim,view,project,test
 	@.venv-floor/bin/python -m pytest -p no:cacheprovider $(ON_ALL_CORES)
 
 tables:  ## make the tables in README and docs anew from the code

@@ -318,3 +318,16 @@ def _slopes_at(nodes, j, i, places, limits, ridge):
     equations += [[0, np.sqrt(ridge), 0], [0, 0, np.sqrt(ridge)]]
     values += [np.sqrt(ridge) * mean[0], np.sqrt(ridge) * mean[1]]
     return tuple(np.linalg.lstsq(np.array(equations), np.array(values), rcond=None)[0][1:])
+
+
+def corrected_colors(image, light, gain, matrix, saturation, pedestal, ceiling, saturated):
+    """Return what `color_kernels.correct_colors` writes, pixel by pixel in float64."""
+    out = np.empty_like(image)
+    for y, x in np.ndindex(image.shape[:2]):
+        color = [light[c, image[y, x, c]] * gain[y, x, c] for c in range(3)]
+        for c in range(3):
+            level = pedestal + sum(matrix[c, i] * color[i] for i in range(3))
+            out[y, x, c] = np.floor(min(max(level, 0), ceiling) + 0.5)
+            if image[y, x, c] >= saturation:
+                out[y, x, c] = saturated
+    return out

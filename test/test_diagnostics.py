@@ -216,6 +216,8 @@ def test_another_pattern_is_warned_of_once_and_stays_in_the_diagnostics(rig):
     image[0, 0] ^= 1
     publisher.publish(String(data=describe(own, image)))
     rig.diagnose(lambda p: 'other pixels' in p['pattern'].message, 'other pixels')
+    publisher.publish(String(data=describe(own, make_pattern(own), 'white')))
+    rig.diagnose(lambda p: "pattern.frame = 'white' is shown" in p['pattern'].message, 'a frame')
     publisher.publish(String(data='no json'))
     rig.diagnose(lambda p: 'cannot be read' in p['pattern'].message, 'bad text')
     rig.node.destroy_publisher(publisher)

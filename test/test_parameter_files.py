@@ -53,6 +53,11 @@ def test_parameter_files_of_every_form_are_read(file, text):
     assert read_settings(file(text)) == NEAR
 
 
+def test_the_frame_that_pattern_node_shows_is_passed_over(file):
+    text = 'pattern_node: {ros__parameters: {pattern: {seed: 7, frame: white}}}'
+    assert read_settings(file(text), nodes=PROJECTORS) == {'pattern.seed': 7}
+
+
 def test_an_empty_file_says_nothing(file):
     assert read_settings(file('# nothing yet\n')) == {}
 

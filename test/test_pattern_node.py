@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from color_stereo_ros.core import make_pattern, PatternSettings
+from color_stereo_ros.core.patterns.frames import make_frame
 from color_stereo_ros.messages import contents
 from color_stereo_ros.nodes.filling import message_of
 from color_stereo_ros.nodes.pattern_source import serialized
@@ -65,6 +66,7 @@ def test_a_late_projector_gets_the_pattern_of_the_settings(rig):
 def test_the_description_names_settings_and_hash(rig):
     info = json.loads(last(rig, 'pattern/info').data)
     assert info['pattern'] == asdict(SETTINGS)
+    assert info['frame'] == 'pattern'
     assert info['sha256'] == hashlib.sha256(make_pattern(SETTINGS).tobytes()).hexdigest()
 
 
@@ -89,6 +91,31 @@ def test_an_unchanged_parameter_is_not_shown_again(rig):
     assert len(rig.received['pattern/image']) == 1
 
 
+@pytest.mark.parametrize('frame', ['white', 'black', 'red', 'green', 'blue', 'blank', 'mask',
+                                   'complement'])
+def test_a_frame_is_shown_instead_of_the_pattern(rig, frame):
+    last(rig, 'pattern/image')
+    last(rig, 'pattern/info')
+    assert rig.set_parameters(pattern__frame=frame).successful
+    try:
+        rig.spin_until(lambda: len(rig.received['pattern/image']) == 2
+                       and len(rig.received['pattern/info']) == 2, 'the frame')
+        image = make_frame(frame, SETTINGS)
+        assert bytes(rig.received['pattern/image'][-1].data) == image.tobytes()
+        info = json.loads(rig.received['pattern/info'][-1].data)
+        assert info['frame'] == frame
+        assert info['pattern'] == asdict(SETTINGS)
+        assert info['sha256'] == hashlib.sha256(image.tobytes()).hexdigest()
+    finally:
+        assert rig.set_parameters(pattern__frame='pattern').successful
+
+
+def test_a_frame_that_does_not_exist_is_refused(rig):
+    result = rig.set_parameters(pattern__frame='purple')
+    assert not result.successful
+    assert "pattern.frame = 'purple' is not one of pattern, blank, white" in result.reason
+
+
 def test_a_pattern_that_nobody_can_make_is_refused(rig):
     result = rig.set_parameters(pattern__type='unknown')
     assert not result.successful
@@ -97,7 +124,7 @@ def test_a_pattern_that_nobody_can_make_is_refused(rig):
 
 def test_started_bare_the_two_nodes_have_the_same_pattern():
     from color_stereo_ros.parameters.groups import PatternNodeSettings, RangeNodeSettings
-    assert RangeNodeSettings().pattern == PatternNodeSettings().pattern
+    assert RangeNodeSettings().pattern == PatternNodeSettings().pattern.expected
     assert np.ptp(make_pattern(PatternNodeSettings().pattern)) > 0
 
 

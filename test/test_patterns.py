@@ -5,6 +5,7 @@ from color_stereo_ros.core import make_pattern, PatternSettings, Settings, Setti
 from color_stereo_ros.core.patterns import blocks, hue_field, wave_field
 from color_stereo_ros.core.patterns.colors import constant_sum_colors
 from color_stereo_ros.core.patterns.expectation import Expectation
+from color_stereo_ros.core.patterns.frames import FRAMES, make_frame
 from color_stereo_ros.core.patterns.making import check_pattern
 from color_stereo_ros.core.patterns.pattern import Pattern, Repeats
 from color_stereo_ros.core.patterns.pseudo_noise import repeated_neighborhoods
@@ -290,3 +291,30 @@ def test_colors_that_are_too_fine_say_nothing_of_the_pattern():
     image = np.random.default_rng(3).integers(90, 150, (240, 320, 3), np.uint8)
     seen = pattern_seen(image, PatternSettings())
     assert seen.agrees is None and 'too fine' in seen.sentence
+
+
+def test_each_frame_has_the_size_of_the_pattern_and_its_colors():
+    settings = PatternSettings(width=100, height=61)
+    colors = {'white': (255, 255, 255), 'black': (0, 0, 0), 'red': (255, 0, 0),
+              'green': (0, 255, 0), 'blue': (0, 0, 255)}
+    for name in FRAMES:
+        image = make_frame(name, settings)
+        assert (image.shape, image.dtype) == ((61, 100, 3), np.uint8)
+        if name in colors:
+            assert (image == colors[name]).all()
+
+
+def test_mask_and_complement_add_up_to_white():
+    settings = PatternSettings(width=300, height=200)
+    mask, complement = (make_frame(name, settings) for name in ('mask', 'complement'))
+    assert set(np.unique(mask)) == {0, 255}
+    assert (mask + complement == 255).all()
+    assert 0.3 < (mask == 255).mean() < 0.7
+
+
+def test_blank_light_is_as_bright_as_the_pattern():
+    settings = PatternSettings(width=300, height=200)
+    blank = make_frame('blank', settings)
+    assert np.ptp(blank, axis=(0, 1)).max() == 0
+    np.testing.assert_allclose(blank[0, 0], make_pattern(settings).mean(axis=(0, 1)), atol=0.5)
+    assert (make_frame('pattern', settings) == make_pattern(settings)).all()

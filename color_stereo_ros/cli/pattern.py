@@ -7,16 +7,20 @@ NEEDS = ''
 
 def add_arguments(parser):
     """Declare the arguments."""
+    from ..core.patterns.frames import FRAMES, PATTERN
     from .arguments import add_settings_arguments
     parser.add_argument('output', help='image file, for example pattern.png; a format without '
                         'loss, for JPEG changes the colors')
     parser.add_argument('--overwrite', action='store_true', help='replace a file of that name')
+    parser.add_argument('--frame', choices=FRAMES.names, default=PATTERN,
+                        help='what is shown instead of the pattern, as pattern.frame of '
+                        'pattern_node (default pattern)')
     add_settings_arguments(parser, groups=('pattern',))
 
 
 def run(args):
     """Write the pattern of the command line's settings."""
-    from ..core import make_pattern
+    from ..core.patterns.frames import make_frame, PATTERN
     from ..files.atomic import check_free
     from ..files.image import write_image
     from ..patience import patience
@@ -25,6 +29,7 @@ def run(args):
     if not args.overwrite:
         check_free(args.output)
     with patience('making the pattern'):
-        pattern = make_pattern(settings)
+        pattern = make_frame(args.frame, settings)
     write_image(args.output, pattern, replace=args.overwrite)
-    print(f'{args.output}: {settings.type}, {settings.width} x {settings.height} px')
+    what = settings.type if args.frame == PATTERN else args.frame
+    print(f'{args.output}: {what}, {settings.width} x {settings.height} px')

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import CalibrationError, SettingsError
 from .cameras.rectification import Rectifier
+from .color_calibration import check_color, ColorCorrection, PEDESTAL, SATURATION_LEVEL
 from .compiled import refuse_after_fork
 from .health.drift import corrected
 from .health.prior import drift_covariance
@@ -53,8 +54,8 @@ class ColorStereo:
     Raises
     ------
     CalibrationError, SettingsError
-        If an argument has the wrong class, or depth limits or covariance do not fit the
-        calibration.
+        If an argument has the wrong class, or depth limits, covariance or the file of
+        color.calibration do not fit the calibration.
     ForkError
         If this process was forked from one that had used a ColorStereo; methods raise it, too.
 
@@ -72,6 +73,8 @@ class ColorStereo:
         self.settings = settings
         self._limits = disparity_limits(calibration.geometry, settings.range)
         self._rectified_input, self._search_at_once = rectified_input, search_at_once
+        colors = check_color(settings, calibration)
+        self._correction = colors and ColorCorrection(colors, settings.color.saturation_level)
         prior = None if covariance is None else drift_covariance(calibration, covariance)
         self._follower = HealthTracker(calibration, rectified_input, prior)
         self._measure_as(self._follower.unknown().applied)
@@ -90,7 +93,8 @@ class ColorStereo:
         self._applied = applied
 
     def _make_method(self, calibration):
-        return make_method(self.settings, calibration, self._limits, self._rectifier)
+        settings = self.settings if self._correction is None else colors_corrected(self.settings)
+        return make_method(settings, calibration, self._limits, self._rectifier)
 
     def rectify(self, left, right):
         """
@@ -153,9 +157,22 @@ class ColorStereo:
         kept = left.copy()  # the image is made when asked, and the caller may reuse its arrays
         image = cache(partial(self._rectifier.rectify_left, kept))
         with KERNELS:
-            found, health = self._measure(_read_only(kept), _read_only(right), alignment,
+            found, health = self._measure(*self._corrected(kept, right, clock), alignment,
                                           projector, health, image, clock)
         return self._result(found, image, clock, health)
+
+    def _corrected(self, left, right, clock):
+        """Return what the method measures, read only: both images, corrected by their colors."""
+        if self._correction is not None:
+            left, right = self._correction.apply(left, right)
+            clock.lap('correct')
+        return _read_only(left), _read_only(right)
+
+    def _image_of(self, left, image):
+        """Return a function that makes the rectified left image as the method sees its colors."""
+        if self._correction is None:
+            return image
+        return cache(partial(self._rectifier.rectify_left, left))
 
     def process_left(self, left, projector=None):
         """
@@ -192,8 +209,9 @@ class ColorStereo:
         image = cache(partial(self._rectifier.rectify_left, kept))
         clock = Stopwatch()
         with KERNELS:
-            found = self._method.measure_left(_read_only(kept), clock,
-                                              Given(track, image, self._tracker))
+            seen, _ = self._corrected(kept, kept, clock)
+            found = self._method.measure_left(
+                seen, clock, Given(track, self._image_of(seen, image), self._tracker))
             if projector is None:
                 self._projector = found.projector
         return self._result(found, image, clock)
@@ -215,7 +233,8 @@ class ColorStereo:
             known = None  # rows lie elsewhere now
         searched = partial(self._searched, left, right) if self._search_at_once else None
         given = None if not self.may_use_projector else Given(
-            self._projector if projector is None else projector, image, self._tracker,
+            self._projector if projector is None else projector, self._image_of(left, image),
+            self._tracker,
             self._search_at_once, partial(self._rectifier.left_patches, left))
         found = self._method.measure(left, right, clock, known, searched, given)
         after = self._follower.follow(before.but(applied=self._applied), found.alignment)
@@ -267,8 +286,11 @@ class ColorStereo:
             If an image is no array, or its type or size is wrong.
 
         """
-        found = self._searched(*self._rectifier.checked(left, right))
-        return resumed(self.alignment, *found)
+        left, right = self._rectifier.checked(left, right)
+        if self._correction is not None:
+            with KERNELS:
+                left, right = self._correction.apply(left, right)
+        return resumed(self.alignment, *self._searched(left, right))
 
     @property
     def alignment(self):
@@ -353,6 +375,12 @@ class ColorStereo:
     def _unknown(self):
         geometry = self.calibration.geometry
         return Alignment.unknown((geometry.width, geometry.height))
+
+
+def colors_corrected(settings):
+    """Return the settings by which a method measures images of corrected colors."""
+    return settings.updated({'color.dark_level': PEDESTAL,
+                             'color.saturation_level': SATURATION_LEVEL})
 
 
 def _read_only(image):

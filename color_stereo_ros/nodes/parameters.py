@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 
 from ..core.settings import checked_value, described, flat, suggestion, updated
 from ..errors import ColorStereoError
-from ..parameters.groups import RangeNodeSettings
+from ..parameters.groups import PatternNodeSettings, RangeNodeSettings
 
 _INHERENT = ('use_sim_time', 'start_type_description_service')
 
@@ -87,7 +87,8 @@ class NodeParameters:
 
     def warn_of_unknown(self):
         """Report overrides that no parameter has taken; call it when all are declared."""
-        elsewhere = flat(RangeNodeSettings())  # one file may serve both nodes
+        # one file may serve both nodes
+        elsewhere = {**flat(RangeNodeSettings()), **flat(PatternNodeSettings())}
         for name in self._given:
             if not self.node.has_parameter(name) and name not in elsewhere:
                 self.node.get_logger().warning(

@@ -18,7 +18,7 @@ def usage():
                  PatternNodeSettings(), published=(
                      ('pattern/image', 'sensor_msgs/Image', 'rgb8, linear light, latched; again '
                       'when a parameter changes'),
-                     ('pattern/info', 'std_msgs/String', 'JSON: the settings and the SHA-256 of '
+                     ('pattern/info', 'std_msgs/String', 'JSON: settings, frame and SHA-256 of '
                       'the pixels, latched')))
 
 

@@ -18,7 +18,8 @@ from sensor_msgs.msg import Image
 
 from std_msgs.msg import String
 
-from ..core.patterns.making import check_pattern, make_pattern
+from ..core.patterns.frames import make_frame, PATTERN
+from ..core.patterns.making import check_pattern
 from ..errors import bounded, ColorStereoError
 from ..messages.contents import Header, image, new_memory
 from ..messages.projector import FRAME
@@ -37,9 +38,10 @@ def latched():
     return QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def describe(settings, image):
-    """Return the JSON text of pattern/info: the settings and a hash of the pixels."""
-    return json.dumps({'pattern': asdict(settings), 'sha256': fingerprint(image)})
+def describe(settings, image, frame=PATTERN):
+    """Return the JSON text of pattern/info: settings, frame and a hash of the pixels."""
+    return json.dumps({'pattern': asdict(settings), 'frame': frame,
+                       'sha256': fingerprint(image)})
 
 
 def fingerprint(image):
@@ -113,13 +115,14 @@ class PatternNode(Reloadable, Node):
                                             f'shown: {type(error).__name__}: {error}')
 
     def _show(self, settings):
-        """Make a pattern and publish it."""
-        size = f'{settings.type}, {settings.width} x {settings.height} px'
+        """Make a pattern, or the frame that is shown instead, and publish it."""
+        what = settings.type if settings.frame == PATTERN else settings.frame
+        size = f'{what}, {settings.width} x {settings.height} px'
         started = time.monotonic()
         if settings.width * settings.height > _LARGE:
             self.get_logger().info(f'making {size}')
-        pattern = make_pattern(settings)
-        text = describe(settings, pattern)
+        pattern = make_frame(settings.frame, settings.expected)
+        text = describe(settings.expected, pattern, settings.frame)
         header = Header.at(self.get_clock().now().nanoseconds, FRAME)
         data = serialized(image(pattern, 'rgb8', header))
         del pattern  # before the middleware makes its copy
@@ -132,4 +135,4 @@ class PatternNode(Reloadable, Node):
 
 def _check(settings):
     """Refuse what cannot be shown, by a ColorStereoError, without making it."""
-    check_pattern(settings.pattern)
+    check_pattern(settings.pattern.expected)

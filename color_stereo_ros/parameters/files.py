@@ -25,6 +25,9 @@ PASSED_OVER = ('input', 'output', 'sync', 'capture', 'sim', 'qos_overrides', 'us
 NODE_ONLY = ('health.covariance',)
 """Parameters of range_node in groups of the core."""
 
+OF_PROJECTORS = ('pattern.frame',)
+"""Parameters of pattern_node that are no settings of the core, beside its settings."""
+
 CALIBRATION_FIELDS = ('camera_matrix', 'distortion_coefficients', 'projection_matrix')
 """Names by which a camera_info file is known."""
 
@@ -138,7 +141,7 @@ def _flattened(values, prefix=''):
 
 def _is_passed_over(name):
     """Return whether a name belongs to a node, and not to everybody who reads its file."""
-    return name.partition('.')[0] in PASSED_OVER or name in NODE_ONLY
+    return name.partition('.')[0] in PASSED_OVER or name in (*NODE_ONLY, *OF_PROJECTORS)
 
 
 def _checked(path, settings, known, name, value):

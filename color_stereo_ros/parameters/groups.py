@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The settings that the nodes have beside those of the core, and all parameters of each node."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from ..core.cameras.covariance import StereoCovariance
 from ..core.false_color import RANGE_COLORS, RANGE_LIMITS
+from ..core.patterns.frames import FRAMES, PATTERN
 from ..core.results import POINT_FIELDS
-from ..core.settings import Group, HealthSettings, PatternSettings, setting, Settings
+from ..core.settings import explained, Group, HealthSettings, PatternSettings, setting
+from ..core.settings import Settings
 from ..errors import brief, SettingsError
 
 
@@ -201,10 +203,24 @@ class ProcessSettings(MeasuringSettings):
 
 
 @dataclass(frozen=True)
+class ShownSettings(PatternSettings):
+    """What the projector shows now: its pattern, or a frame for calibrations."""
+
+    frame: str = setting(
+        PATTERN, lambda: f'what is shown: {explained(FRAMES, PATTERN)}', choices=FRAMES)
+
+    @property
+    def expected(self):
+        """Return the settings of the pattern alone, by which range_node knows it."""
+        return PatternSettings(**{spec.name: getattr(self, spec.name)
+                                  for spec in fields(PatternSettings)})
+
+
+@dataclass(frozen=True)
 class PatternNodeSettings:
     """All parameters of pattern_node."""
 
-    pattern: PatternSettings = Settings().pattern
+    pattern: ShownSettings = ShownSettings()
 
 
 @dataclass(frozen=True)

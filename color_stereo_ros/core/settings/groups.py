@@ -74,6 +74,9 @@ class ColorSettings(Group):
     scale: bool = setting(
         True, 'paper method: scale each color so that its components sum to 255', off=False,
         method='paper')
+    calibration: str = setting(
+        '', 'file of `color_stereo calibrate color`: raw images are corrected by it before '
+        'anything else, and its dark level counts instead of color.dark_level; empty = none')
     smoothing: float = setting(
         1.0, 'paper method: standard deviation of the Gaussian smoothing of the corrected '
         'colors, 0 = none', unit='px', minimum=0.0, maximum=16.0, off=0.0, method='paper')

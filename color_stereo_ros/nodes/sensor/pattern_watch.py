@@ -7,6 +7,7 @@ import threading
 
 from std_msgs.msg import String
 
+from ...core.patterns.frames import PATTERN
 from ...core.patterns.making import make_pattern
 from ...core.patterns.registry import makable
 from ...errors import bounded, brief, ColorStereoError
@@ -49,7 +50,8 @@ class PatternWatch:
             if len(text) > _LONGEST:
                 raise ValueError(f'{len(text)} characters, expected at most {_LONGEST}')
             shown = json.loads(text)
-            self._shown = {'pattern': dict(shown['pattern']), 'sha256': str(shown['sha256'])}
+            self._shown = {'pattern': dict(shown['pattern']), 'sha256': str(shown['sha256']),
+                           'frame': str(shown.get('frame', PATTERN))}
         except (ValueError, TypeError, KeyError, RecursionError) as error:
             self._shown = None
             self._report(f'pattern/info cannot be read: {type(error).__name__}: {error}')
@@ -68,6 +70,10 @@ class PatternWatch:
                 self._compare()
 
     def _compare(self):
+        if self._shown['frame'] != PATTERN:
+            self._report(f'pattern.frame = {brief(self._shown["frame"])} is shown instead of the '
+                         'pattern')
+            return
         if self._settings.type not in makable():
             self.mismatch = None
             return

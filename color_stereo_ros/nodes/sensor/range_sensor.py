@@ -3,6 +3,7 @@
 
 from rclpy.clock import Clock, ClockType
 
+from ...core.color_calibration import check_color
 from ...core.triangulation import disparity_limits
 from ...errors import bounded
 from ...messages.calibration_watch import check_use
@@ -65,11 +66,12 @@ class RangeSensor:
         self.worker.start()
 
     def check(self, settings):
-        """Refuse settings that do not fit the calibration in force, by a ColorStereoError."""
+        """Refuse settings that do not fit the calibrations in force, by a ColorStereoError."""
         calibration = self.inputs.calibration.calibration
         if calibration is not None:
             check_use(calibration, settings)
             disparity_limits(calibration.geometry, settings.range)
+        check_color(settings.core, calibration)
 
     def configure(self, settings):
         """Take new settings from the next pair on."""

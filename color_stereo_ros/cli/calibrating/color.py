@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`color_stereo calibrate color`: the colors of both cameras, from images of a white card."""
+
+SUMMARY = 'measure the colors of both cameras from images of a white card under frames of light'
+NEEDS = ''
+
+
+def add_arguments(parser):
+    """Declare the arguments."""
+    parser.add_argument('folder', help='images left_NAME.png and right_NAME.png of a white card; '
+                        'NAME is a frame of pattern_node: white, black, red, green, blue, mask, '
+                        'complement, and perhaps dark with the lens covered; NAME_1, NAME_2 ... '
+                        'are averaged')
+    parser.add_argument('-o', '--output', default='color_calibration.yaml', metavar='FILE',
+                        help='file for color.calibration (default color_calibration.yaml)')
+    parser.add_argument('--calibration', nargs=2, metavar=('LEFT', 'RIGHT'),
+                        help='camera_info files of the cameras, whose focal lengths are kept, so '
+                        'that other cameras are refused; default: left.yaml and right.yaml of '
+                        'the folder if they are there')
+    parser.add_argument('--overwrite', action='store_true', help='replace a file of that name')
+
+
+def run(args):
+    """Measure, print what was found and what it gains, and write the file."""
+    from pathlib import Path
+
+    from ...calibration.color import calibrate_color
+    from ...calibration.frame_files import read_frames
+    from ...files.atomic import check_free
+    if not args.overwrite:
+        check_free(args.output)
+    folder = Path(args.folder)
+    left, right = (read_frames(folder, side) for side in ('left', 'right'))
+    calibration = read_calibration(folder, args.calibration)
+    focal = ((), ())
+    if calibration is not None:
+        focal = tuple((camera.K[0, 0], camera.K[1, 1]) if camera.K[0, 0] > 0 else ()
+                      for camera in (calibration.left, calibration.right))
+    findings = calibrate_color(left, right, focal)
+    if calibration is not None:
+        findings.calibration.check(calibration)
+    findings.calibration.write(args.output, replace=args.overwrite)
+    print(report(findings))
+    print(f'{args.output}: written; use it by color.calibration')
+
+
+def read_calibration(folder, paths):
+    """Return the StereoCalibration of the files named, or of those in the folder, or None."""
+    from ...core import StereoCalibration
+    paths = paths or [folder / 'left.yaml', folder / 'right.yaml']
+    if not all(path.exists() for path in map(type(folder), paths)):
+        return None if paths[0] == folder / 'left.yaml' else StereoCalibration.from_yaml(*paths)
+    return StereoCalibration.from_yaml(*paths)
+
+
+def report(findings):
+    """Return what was found, and what it gains, as text of some lines."""
+    import numpy as np
+    lines = []
+    for side in ('left', 'right'):
+        camera = getattr(findings.calibration, side)
+        found = getattr(findings, side)
+        shift = camera.corner_shift()
+        mixed = 1 - np.diag(camera.crosstalk)
+        lines += [
+            f'{side}:',
+            f'  dark level     {_triple(camera.dark_level, 1)} DN',
+            f'  response       gamma {camera.gamma:.3f}, offset {camera.offset:.3f}; light adds '
+            f'up within {100 * found.response.error:.1f} % (as if linear: '
+            f'{100 * found.response.linear_error:.1f} %)',
+            f'  white          {_triple(100 * camera.white, 1)} % of full scale',
+            f'  field          channels differ by up to {100 * (found.uneven - 1):.1f} % over the '
+            'image',
+            f'  crosstalk      {_triple(100 * mixed, 1)} % of red, green, blue from other light',
+            f'  aberration     red {shift[0]:+.2f} px, blue {shift[1]:+.2f} px in the corner',
+        ]
+        if found.excess.max() > 0.05:
+            lines.append(f'  projector      white is {100 * found.excess.max():.0f} % brighter '
+                         'than red, green and blue together: switch off its white boost')
+    rows = np.round(findings.calibration.right_to_left, 3)
+    lines += ['right to left, linear colors:', *(f'  {row[0]:7.3f} {row[1]:7.3f} {row[2]:7.3f}'
+                                                 for row in rows)]
+    lines += ['difference of the cameras, share of brightness (before, after):']
+    lines += [f'  {name:7} {100 * findings.before[name]:6.2f} % {100 * findings.after[name]:6.2f} %'
+              for name in findings.before]
+    return '\n'.join(lines)
+
+
+def _triple(values, decimals):
+    return ', '.join(f'{value:.{decimals}f}' for value in values)

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Colors of two cameras: measured from frames of light, kept in a file, used by the core."""
+
+from dataclasses import replace
+
+from color_stereo_ros.calibration.color import calibrate_camera, calibrate_color
+from color_stereo_ros.cli import main as cli
+from color_stereo_ros.core import CalibrationError, ColorStereo, ImageError
+from color_stereo_ros.core.color_calibration import (
+    CameraColor, CEILING, ColorCalibration, ColorCorrection, linear, PEDESTAL, SATURATED)
+from color_stereo_ros.files.image import write_image
+from naive import corrected_colors
+import numpy as np
+import pytest
+from surface_pairs import photographed, plane, rig, surface_settings
+from unequal_cameras import Eye, frames, FRAMES
+
+SIZE = 320, 240
+LEFT = Eye(gains=(1.0, 0.9, 0.6), gamma=2.2, crosstalk=0.1)
+RIGHT = Eye(gains=(0.8, 1.0, 0.75), gamma=2.2, crosstalk=0.1, dark=6.0)
+
+
+def floats(images):
+    """Return images as float64."""
+    return {name: image.astype(np.float64) for name, image in images.items()}
+
+
+@pytest.fixture(scope='module')
+def findings():
+    """Return what is found of two unlike cameras."""
+    return calibrate_color(frames(LEFT), frames(RIGHT, seed=1), ((320.0, 320.0),) * 2)
+
+
+@pytest.fixture
+def file(findings, tmp_path):
+    """Return the file of that."""
+    findings.calibration.write(tmp_path / 'color.yaml')
+    return tmp_path / 'color.yaml'
+
+
+@pytest.mark.parametrize('gamma', [1.0, 1.4, 2.2])
+def test_the_response_is_found_without_a_series_of_exposures(gamma, effort, figures):
+    worst, eye = 0.0, Eye(gamma=gamma)
+    seeds = effort.seeds(1, 20)
+    for seed in seeds:
+        found, _ = calibrate_camera(floats(frames(eye, seed)))
+        numbers = np.linspace(60, 250, 20)
+        light, black = (np.power((each - eye.dark) / (255 - eye.dark), gamma)
+                        for each in (numbers, found.dark_level.mean()))
+        levels = (numbers - found.dark_level.mean()) / (255 - found.dark_level.mean())
+        wrong = linear(levels, found.gamma, found.offset) - (light - black) / (1 - black)
+        worst = max(worst, float(np.abs(wrong).max()))
+    figures(f'color: largest error of the response, gamma {gamma}', 100 * worst,
+            '% of full scale', over=seeds, at_most=1.5)
+
+
+def test_gains_crosstalk_and_dark_level_are_found(findings):
+    for eye, camera in ((LEFT, findings.calibration.left), (RIGHT, findings.calibration.right)):
+        np.testing.assert_allclose(camera.crosstalk, eye.mix(), atol=0.02)
+        ratio = camera.white / camera.white[1]
+        np.testing.assert_allclose(ratio, np.divide(eye.gains, eye.gains[1]), rtol=0.03)
+
+
+def test_a_lens_cap_gives_the_dark_level():
+    eye = Eye(dark=9.0)
+    images = {**frames(eye), 'dark': eye.see(np.zeros((*SIZE[::-1], 3)), np.random.default_rng(7),
+                                             noise=0.1)}
+    found, _ = calibrate_camera(floats(images))
+    np.testing.assert_allclose(found.dark_level, 9.0, atol=0.3)
+
+
+def test_shading_of_one_channel_is_found():
+    found, about = calibrate_camera(floats(frames(Eye(shading=0.2))))
+    red = found.gain_field[..., 0] / found.gain_field[..., 1]
+    assert red[0, 0] / red[3, 4] == pytest.approx(0.8, abs=0.02)
+    assert 1.1 < about.uneven < 1.4
+
+
+def test_lateral_chromatic_aberration_is_found_and_taken_away():
+    eye = Eye(zoom=0.006)
+    found, _ = calibrate_camera(floats(frames(eye)))
+    assert found.aberration[0] == pytest.approx(0.006, abs=0.001)
+    assert found.aberration[1] == pytest.approx(0.0, abs=0.001)
+    colors = ColorCalibration(found, found)
+    mask = frames(eye, seed=3, names=('mask',), noise=0.1)['mask']
+    seen = ColorCorrection(colors).apply(mask, mask)[0].astype(float)
+    still = replace(found, aberration=np.zeros(2))
+    as_is = ColorCorrection(ColorCalibration(still, still)).apply(mask, mask)[0].astype(float)
+    wrong, before = (np.abs(each[..., 0] - each[..., 1]).mean() for each in (seen, as_is))
+    assert wrong < 0.7 * before
+
+
+def test_corrected_cameras_see_the_same_colors(findings):
+    for name in ('white', 'red', 'green', 'blue'):
+        assert findings.after[name] < 0.01
+    assert max(findings.before.values()) > 0.03
+
+
+def test_equal_ideal_cameras_stay_as_they_are():
+    colors = ColorCalibration(*(CameraColor.ideal(SIZE) for _ in range(2)))
+    image = np.random.default_rng(0).integers(0, 200, (*SIZE[::-1], 3)).astype(np.uint8)
+    left, _ = ColorCorrection(colors).apply(image, image)
+    expected = PEDESTAL + image * (CEILING - PEDESTAL) / 255
+    np.testing.assert_allclose(left, expected, atol=0.51)
+
+
+def test_the_file_holds_all(findings, file):
+    again = ColorCalibration.read(file)
+    assert again.text() == findings.calibration.text()
+    assert again.left.focal_length == (320.0, 320.0)
+
+
+@pytest.mark.parametrize('text, message', [
+    ('a: 3', 'is no color calibration'),
+    ('color_calibration: 7', 'color_calibration = 7, expected 1'),
+    ('color_calibration: 1', 'left: expected the values of a camera'),
+    ('color_calibration: 1\nleft: {size: [3, 4]}', 'left: focal_length is missing')])
+def test_another_file_is_refused_with_a_reason(tmp_path, text, message):
+    (tmp_path / 'color.yaml').write_text(text)
+    with pytest.raises(CalibrationError, match='color.yaml: .*' + message):
+        ColorCalibration.read(tmp_path / 'color.yaml')
+
+
+@pytest.mark.parametrize('change, message', [
+    ({'gamma': 9.0}, 'gamma = 9.0: expected numbers in 0.2 .. 5.0'),
+    ({'dark_level': [1.0, np.nan, 1.0]}, 'dark_level'),
+    ({'white': [1.0, 1.0]}, 'white: expected 3 numbers'),
+    ({'crosstalk': np.eye(3) * 0.5}, 'rows that add up to 1'),
+    ({'crosstalk': np.full((3, 3), 1 / 3)}, 'cannot be told apart')])
+def test_impossible_values_are_refused_by_name(change, message):
+    with pytest.raises(CalibrationError, match=message):
+        replace(CameraColor.ideal(SIZE), **change)
+
+
+def test_other_cameras_are_refused(findings, file):
+    findings.calibration.check(rig(*SIZE))
+    settings = surface_settings(20, 60, color__calibration=str(file))
+    with pytest.raises(CalibrationError, match='of 320 x 240 px, but this one has 200 x 150 px'):
+        ColorStereo(rig(200, 150), settings)
+    far = replace(findings.calibration, left=replace(findings.calibration.left,
+                                                     focal_length=(400.0, 400.0)))
+    with pytest.raises(CalibrationError, match='focal length of 400.0 px, but this one has 320.0'):
+        far.check(rig(*SIZE))
+
+
+def test_a_missing_file_is_refused():
+    settings = surface_settings(20, 60, color__calibration='nowhere/color.yaml')
+    with pytest.raises(CalibrationError, match='nowhere/color.yaml: cannot be read'):
+        ColorStereo(rig(*SIZE), settings)
+
+
+def test_overexposed_channels_stay_overexposed_and_noise_keeps_room(findings):
+    image = np.full((*SIZE[::-1], 3), 100, np.uint8)
+    image[0, 0] = 255, 100, 100
+    left, _ = ColorCorrection(findings.calibration).apply(image, image)
+    assert left[0, 0, 0] == SATURATED
+    assert left[1:].max() <= CEILING
+
+
+def test_the_kernel_is_the_loop(findings):
+    rng = np.random.default_rng(5)
+    image = rng.integers(0, 256, (*SIZE[::-1], 3)).astype(np.uint8)
+    colors = replace(findings.calibration, left=replace(findings.calibration.left,
+                                                        aberration=np.zeros(2)))
+    seen = ColorCorrection(colors, 254).apply(image, image)[0]
+    camera = colors.left
+    matrix = colors.scales()[:, None] * np.linalg.inv(camera.crosstalk)
+    expected = corrected_colors(image[::24], camera.light(), camera.gains()[::24], matrix, 254,
+                                PEDESTAL, CEILING, SATURATED)
+    assert np.abs(seen[::24].astype(int) - expected).max() <= 1  # float32 at a half
+    assert (seen[::24] != expected).mean() < 1e-3
+
+
+@pytest.mark.parametrize('change, message', [
+    (lambda images: images.pop('mask'), "left: the frame 'mask' is missing"),
+    (lambda images: images.update(white=images['black']), 'DN brighter than black'),
+    (lambda images: images.update(white=np.full_like(images['white'], 255)), 'overexposed'),
+    (lambda images: images.update(red=images['blue'], blue=images['red']), 'exchanged'),
+    (lambda images: images.update(mask=images['white'], complement=images['black']),
+     'too few to find the response'),
+    (lambda images: images.update(mask=images['mask'][:9]), 'mask has the shape')])
+def test_frames_that_say_nothing_are_refused(change, message):
+    images = frames(Eye())
+    change(images)
+    with pytest.raises((CalibrationError, ImageError), match=message):
+        calibrate_color(images, frames(Eye()))
+
+
+def depth_error(eyes, seed, **settings):
+    """Return the mean depth error of a plane, % of Z, and the density."""
+    disparity = plane(*SIZE, 40.0, 0.03, 0.02)
+    rng = np.random.default_rng(seed)
+    pair = [eye.see(photographed(shift), rng) for eye, shift in
+            zip(eyes, (-disparity, np.zeros_like(disparity)))]
+    result = ColorStereo(rig(*SIZE), surface_settings(25, 60, **settings)).process(*pair)
+    inner = result.disparity[12:-12, 70:-12]
+    known = np.isfinite(inner)
+    return float(np.abs(disparity[12:-12, 70:-12][known] / inner[known] - 1).mean()) * 100, (
+        known.mean())
+
+
+def test_unlike_cameras_measure_nearly_as_well_as_ideal_ones(file, effort, figures):
+    ideal, unlike, as_is, densities = [], [], [], []
+    seeds = effort.seeds(2, 20)
+    for seed in seeds:
+        ideal.append(depth_error((Eye(), Eye()), seed)[0])
+        error, density = depth_error((LEFT, RIGHT), seed, color__calibration=str(file))
+        unlike.append(error)
+        densities.append(density)
+        as_is.append(depth_error((LEFT, RIGHT), seed)[0])
+    assert np.mean(densities) > 0.97
+    figures('color: depth error of unlike cameras with color.calibration, over that of ideal ones',
+            np.mean(unlike) / np.mean(ideal), '', over=seeds, at_most=1.2)
+    figures('color: the same without color.calibration', np.mean(as_is) / np.mean(ideal), '',
+            over=seeds)
+
+
+def written(folder, left, right):
+    """Write frames as files and return the folder."""
+    for side, images in (('left', left), ('right', right)):
+        for name, image in images.items():
+            write_image(folder / f'{side}_{name}.png', image)
+    return folder
+
+
+def test_the_command_writes_the_file_and_says_what_it_gains(tmp_path, capsys):
+    folder = written(tmp_path / 'card', frames(LEFT), frames(RIGHT))
+    output = tmp_path / 'color.yaml'
+    assert cli.main(['calibrate', 'color', str(folder), '-o', str(output)]) == 0
+    text = capsys.readouterr().out
+    assert 'crosstalk' in text and 'before, after' in text and f'{output}: written' in text
+    assert ColorCalibration.read(output).left.size == SIZE
+    assert cli.main(['calibrate', 'color', str(folder), '-o', str(output)]) == 1
+    assert 'exists already' in capsys.readouterr().err
+
+
+def test_the_command_keeps_the_focal_lengths_of_the_cameras(tmp_path):
+    folder = written(tmp_path / 'card', frames(LEFT), frames(RIGHT))
+    rig(*SIZE).to_yaml(folder / 'left.yaml', folder / 'right.yaml')
+    output = tmp_path / 'color.yaml'
+    assert cli.main(['calibrate', 'color', str(folder), '-o', str(output)]) == 0
+    assert ColorCalibration.read(output).right.focal_length == (320.0, 320.0)
+
+
+def test_a_bad_folder_writes_nothing(tmp_path, capsys):
+    images = frames(LEFT)
+    images.pop('green')
+    folder = written(tmp_path / 'card', images, frames(RIGHT))
+    output = tmp_path / 'color.yaml'
+    assert cli.main(['calibrate', 'color', str(folder), '-o', str(output)]) == 1
+    assert "the frame 'green' is missing" in capsys.readouterr().err
+    assert not output.exists()
+
+
+def test_an_unknown_option_below_calibrate_is_named(capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(['calibrate', 'color', 'folder', '--overwrit'])
+    assert end.value.code == 2
+    assert 'did you mean --overwrite?' in capsys.readouterr().err
+
+
+def test_all_frames_of_the_calibration_can_be_shown():
+    from color_stereo_ros.core.patterns.frames import FRAMES as shown
+    assert set(FRAMES) < set(shown)
