@@ -209,6 +209,8 @@ class Guide:
         if chosen.size > CANDIDATES:
             chosen = chosen[np.linspace(0, chosen.size - 1, CANDIDATES).astype(int)]
         state = state.of_views(chosen)
+        if not chosen.size:
+            return state, np.zeros((0, state.shared.size, state.shared.size))
         return state, self._informations(state)
 
     def _can_be_detected(self, state):
