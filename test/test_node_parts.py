@@ -425,9 +425,9 @@ class CountedStereo:
         self.calls = 0
         self.density = swapped_density
         self.settings = Settings()
-        self.alignment = Alignment.unknown((64, 48))
+        self.alignment, self.health = Alignment.unknown((64, 48)), None
 
-    def process(self, left, right, alignment, projector):
+    def process(self, left, right, alignment, projector, health):
         """Count."""
         self.calls += 1
         return self

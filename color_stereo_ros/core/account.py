@@ -330,7 +330,7 @@ def doubts_about_order(stereo, left, right, result):
         return []
     # with an alignment of its own: what is known of the rows is not of this order
     swapped = stereo.process(right, left, stereo.alignment.but(wait=1),
-                             Track.known(None)).density
+                             Track.known(None), stereo.health).density
     if swapped <= max(TUNING.swapped_share, TUNING.swapped_ratio * result.density):
         return []
     return [f'left and right image swapped? The other way round {swapped:.1%} of the pixels have '
