@@ -91,9 +91,8 @@ def test_lateral_chromatic_aberration_is_found_and_taken_away():
 
 
 def test_corrected_cameras_see_the_same_colors(findings):
-    for name in ('white', 'red', 'green', 'blue'):
-        assert findings.after[name] < 0.01
-    assert max(findings.before.values()) > 0.03
+    assert max(findings.after.values()) < 0.1 * max(findings.before.values())
+    assert max(findings.after.values()) < 0.002
 
 
 def test_equal_ideal_cameras_stay_as_they_are():
@@ -199,17 +198,20 @@ def depth_error(eyes, seed, **settings):
         known.mean())
 
 
-def test_unlike_cameras_measure_nearly_as_well_as_ideal_ones(file, effort, figures):
+def test_unlike_cameras_measure_nearly_as_well_as_equal_linear_ones(file, effort, figures):
+    # Crosstalk takes contrast from the colors but not from the noise: what it costs cameras that
+    # see alike is no matter of calibration. test_color_simulated compares with ideal cameras.
+    alike = replace(LEFT, gamma=1.0), replace(LEFT, gamma=1.0)
     ideal, unlike, as_is, densities = [], [], [], []
     seeds = effort.seeds(2, 20)
     for seed in seeds:
-        ideal.append(depth_error((Eye(), Eye()), seed)[0])
+        ideal.append(depth_error(alike, seed)[0])
         error, density = depth_error((LEFT, RIGHT), seed, color__calibration=str(file))
         unlike.append(error)
         densities.append(density)
         as_is.append(depth_error((LEFT, RIGHT), seed)[0])
     assert np.mean(densities) > 0.97
-    figures('color: depth error of unlike cameras with color.calibration, over that of ideal ones',
+    figures('color: depth error of unlike over equal linear cameras, with color.calibration',
             np.mean(unlike) / np.mean(ideal), '', over=seeds, at_most=1.2)
     figures('color: the same without color.calibration', np.mean(as_is) / np.mean(ideal), '',
             over=seeds)

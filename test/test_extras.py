@@ -109,6 +109,8 @@ MISSES = {
     'evaluate, experiments': ('sim', ['evaluate', '--quick']),
     'bench': ('tools', ['bench']),
     'trust': ('tools', ['trust']),
+    'project': ('project', ['project', '--level', '3']),
+    'project, ROS': ('ros', ['project']),
 }
 
 
@@ -146,7 +148,8 @@ def pack(folder):
 def test_the_extras_install_the_modules_that_the_messages_name():
     for extra, modules in cli.EXTRAS.items():
         listed = re.search(rf"'{extra}': \[(.*?)\]", SETUP.replace('[fastrtps]', '')).group(1)
-        for module in set(modules) & {'rosbags', 'matplotlib', 'tqdm', 'mitsuba', 'rclpy', 'viser'}:
+        for module in set(modules) & {'rosbags', 'matplotlib', 'tqdm', 'mitsuba', 'rclpy', 'viser',
+                                      'pygame'}:
             assert module in listed, (extra, module)
     assert 'tqdm' in re.search(r"'sim': \[(.*?)\]", SETUP).group(1)  # progress of `render`
 

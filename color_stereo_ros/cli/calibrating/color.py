@@ -81,8 +81,8 @@ def report(findings):
     lines += ['right to left, linear colors:', *(f'  {row[0]:7.3f} {row[1]:7.3f} {row[2]:7.3f}'
                                                  for row in rows)]
     lines += ['difference of the cameras, share of brightness (before, after):']
-    lines += [f'  {name:7} {100 * findings.before[name]:6.2f} % {100 * findings.after[name]:6.2f} %'
-              for name in findings.before]
+    lines += [f'  {name:7} {100 * before:6.2f} % {100 * findings.after[name]:6.2f} %'
+              for name, before in findings.before.items()]
     return '\n'.join(lines)
 
 
