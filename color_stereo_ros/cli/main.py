@@ -156,22 +156,11 @@ def _complete(parser, argv, name):
 
 def check_options(parser, words):
     """End with status 2 and the nearest known name where an option is unknown."""
-    words = list(words)
-    for below in _commands_below(parser):
-        if below in words:
-            return check_options(_commands_below(parser)[below], words[words.index(below) + 1:])
     known = parser._option_string_actions  # argparse has no public name for it
     for word in itertools.takewhile(lambda word: word != '--', words):
         option = word.partition('=')[0]
         if OPTION.fullmatch(option) and option not in known and not option.startswith('-h'):
             parser.error(f'unknown option {option}{nearest(option, known)}')
-
-
-def _commands_below(parser):
-    """Return a dict of names to the parsers of the commands below one, {} if it has none."""
-    if parser._subparsers is None or parser.prog == 'color_stereo':
-        return {}
-    return next(action.choices for action in parser._subparsers._group_actions)
 
 
 def nearest(name, known):
