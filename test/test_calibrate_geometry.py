@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo calibrate geometry`: folders and recordings in, a calibrated pair out, or none."""
 
+import sys
+
 import cv2
 import numpy as np
 import pytest
@@ -157,3 +159,12 @@ def test_a_pose_is_told_in_words(turn, words):
     told = pose_in_words(Pose, BOARD, (640, 480))
     assert told.startswith('hold the board 30 cm before the left camera, in the upper left of')
     assert told.endswith(words)
+
+
+def test_a_page_without_its_extra_is_refused_with_what_to_install(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'viser', None)
+    output = tmp_path / 'out'
+    assert cli.main(['calibrate', 'geometry', '--live', '--page', '0', '--output',
+                     str(output)]) == 1
+    assert "pip install '.[view]'" in capsys.readouterr().err
+    assert not output.exists()
