@@ -17,7 +17,7 @@ CORNERS = np.stack([*np.meshgrid(0.02 * np.arange(11), 0.02 * np.arange(8)),
 """m; 12 x 9 squares of 20 mm, on A4."""
 TURN = np.radians(15.0)
 D = {'plumb_bob': [-0.1, 0.06, 0.0008, -0.0005, 0.01],
-     'rational_polynomial': [0.2, 0.1, 0.0005, -0.0003, 0.02, 0.45, 0.1, 0.01],
+     'rational_polynomial': [0.5, 0.05, 0.0005, -0.0003, 0.002, 0.9, 0.15, 0.01],
      'equidistant': [0.03, -0.01, 0.002, -0.0005]}
 
 
@@ -137,3 +137,26 @@ def errors_of(adjustment, truth, distance=0.35):
 def rms(values, axis=None):
     """Return the root mean square."""
     return np.sqrt(np.mean(np.square(values), axis))
+
+
+def mrcal_views(seed, count=15):
+    """
+    Return random views as mrcal takes them, and a start near the truth.
+
+    Returns
+    -------
+    observations : numpy.ndarray, float64, shape (V, 2, 8, 11, 3)
+        Pixels and weight.
+    start : numpy.ndarray, float64, shape (24 + 6 V,)
+
+    """
+    truth, rng = rig(), np.random.default_rng(seed)
+    poses = random_poses(truth, count, rng)
+    views = seen(truth, poses, rng)
+    pixels = np.array([[getattr(view, side).pixels for side in ('left', 'right')]
+                       for view in views])
+    observations = np.ones((count, 2, 8, 11, 3))
+    observations[..., :2] = pixels.reshape(count, 2, 8, 11, 2)
+    frames = [np.concatenate([cv2.Rodrigues(rotation)[0].ravel(), translation])
+              for rotation, translation in poses]
+    return observations, np.concatenate([truth.vector, *frames])

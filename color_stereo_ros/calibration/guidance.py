@@ -209,6 +209,8 @@ class Guide:
         if chosen.size > CANDIDATES:
             chosen = chosen[np.linspace(0, chosen.size - 1, CANDIDATES).astype(int)]
         state = state.of_views(chosen)
+        if not chosen.size:
+            return state, np.zeros((0, state.shared.size, state.shared.size))
         return state, self._informations(state)
 
     def _can_be_detected(self, state):
@@ -223,6 +225,8 @@ class Guide:
             possible &= ((points[:, :, 2] > 0).all(1) & (square >= self.detectable.least_square)
                          & (cosine >= np.cos(np.radians(self.detectable.steepest))))
         chosen = np.flatnonzero(possible)
+        if not chosen.size:
+            return possible
         least = len(self.model.corners) if self.detectable.whole else min(
             self.detectable.least_corners, len(self.model.corners))
         for side in SIDES:
