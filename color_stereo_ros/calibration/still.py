@@ -7,7 +7,7 @@ import numpy as np
 
 STILL = 0.5   # px that corners move from pair to pair while the board counts as still
 PAIRS = 3     # in a row that are still; chosen: a hand holds so long by intent
-APART = 0.05  # of the diagonal of the image: so far corners must be from all taken views
+APART = 0.04  # of the diagonal of the image: so far corners must be from all taken views
 COMMON = 6    # corners, to compare two views
 
 

@@ -260,7 +260,9 @@ def _refuse_one_mirror(board, shots, size, poses, limit, reopened):
         tried = [[column[place] for place in places] for column in poses]
         tried[side], _ = _camera_poses(board, flipped, size)
         motions = _motions(*tried)
-        if len(motions) >= LEAST_VIEWS and spread_of(motions) < limit:
+        # with the other camera mirrored, too, they agree as well, but are exchanged
+        if (len(motions) >= LEAST_VIEWS and spread_of(motions) < limit
+                and np.median([motion.center[0] for motion in motions]) > 0):
             raise CalibrationError(f'the images of the {name} camera are mirrored: switch '
                                    'mirroring off in the camera')
 

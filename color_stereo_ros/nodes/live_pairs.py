@@ -7,7 +7,7 @@ import threading
 
 from ..errors import ImageError
 from ..messages.pairs import rgb_pair
-from ..messages.reading import stamp_ns
+from ..messages.reading import read_compressed_image, read_image, stamp_ns
 from ..messages.synchronizer import LatestSlot, SIDES, Synchronizer
 from .live import ros_node
 
@@ -32,14 +32,24 @@ class LivePairs:
     def __init__(self, node, topics, compressed=False):
         from rclpy.qos import qos_profile_sensor_data
         from sensor_msgs.msg import CompressedImage, Image
-        self._node = node
         self._synchronizer = Synchronizer()
         self._slot = LatestSlot()
+        self._kind, self._read = ((CompressedImage, read_compressed_image) if compressed
+                                  else (Image, read_image))
+        # images are read from their bytes: rclpy's conversion would keep the detection waiting
         self._subscriptions = [node.create_subscription(
-            CompressedImage if compressed else Image, topic, partial(self._take, side),
-            qos_profile_sensor_data) for side, topic in zip(SIDES, topics)]
+            self._kind, topic, partial(self._take, side), qos_profile_sensor_data, raw=True)
+            for side, topic in zip(SIDES, topics)]
+        self._refusal = None
 
-    def _take(self, side, message):
+    def _take(self, side, data):
+        from rclpy.serialization import deserialize_message
+        try:
+            message = self._read(data, otherwise=lambda data: deserialize_message(
+                data, self._kind))
+        except ImageError as error:
+            self._refusal = f'{side} image: {error}'
+            return
         pair = self._synchronizer.add(side, stamp_ns(message.header), message)
         if pair is not None:
             self._slot.put(pair)
@@ -63,16 +73,24 @@ class LivePairs:
         while True:
             pair = self._slot.take(LOOK)
             if pair is None:
-                complaint = self._synchronizer.complaint(PATIENCE)
-                kind = complaint and complaint.partition(': ')[2]
-                if complaint and kind != told:
-                    say(f'{complaint} (topics {", ".join(self.names)})')
-                told = kind
+                complaint = self._complaint()
+                if complaint is not None and complaint.partition(': ')[2] != told:
+                    say(complaint)
+                    told = complaint.partition(': ')[2]
                 continue
+            told = None
             try:
                 yield rgb_pair(pair)
             except ImageError as error:
                 say(str(error))
+
+    def _complaint(self):
+        """Say why no pair comes, or None."""
+        text = self._synchronizer.complaint(PATIENCE)
+        if text is None:
+            return None
+        refused = f'; the last one was refused: {self._refusal}' if self._refusal else ''
+        return f'{text} (topics {", ".join(self.names)}){refused}'
 
     @property
     def names(self):

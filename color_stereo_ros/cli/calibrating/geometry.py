@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`color_stereo calibrate geometry`: views of a board in, two camera_infos and a covariance out."""
+"""`color_stereo calibrate geometry`: views of a board in, camera_infos and a covariance out."""
 
 from contextlib import contextmanager
 
