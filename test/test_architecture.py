@@ -33,7 +33,7 @@ DOORS = {
 }
 # Modules with a door of their own: the node that plays the simulated rig, and the boards that the
 # rig sees.
-SIDE_DOORS = {'nodes/sim_rig.py': 'sim', 'sim/boards.py': 'calibration'}
+SIDE_DOORS = {'nodes/sim_rig.py': 'sim', 'sim/board_shape.py': 'calibration'}
 
 # Rooms within the core: the rooms that they must not know, besides those above.
 CLOSED = {

@@ -6,9 +6,9 @@ import numpy as np
 
 from ..core.registry import suggestion
 from ..errors import CalibrationError, InstallationError
-from .board_kind import BoardKind, Detection, Drawing, LEAST_CORNERS, squares
+from .board_kind import BoardKind, Drawing, LEAST_CORNERS, squares
+from .corners import detection
 
-SIGMA = 0.13         # px, of OpenCV's corners; seen in rendered images
 NEAR_MARKERS = 5     # that predict a corner; chosen: the four around it and one more
 OUTLIER_SHARE = 0.25  # of the side of a marker, from one homography; leaves room for distortion
 
@@ -70,11 +70,10 @@ class Charuco(BoardKind):
         located = locate(board, gray)
         if located is None:
             return None
-        ids, pixels, _ = located
-        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-3)
-        pixels = cv2.cornerSubPix(gray, np.float32(pixels)[:, None].copy(), (3, 3), (-1, -1),
-                                  criteria)[:, 0].astype(np.float64)
-        return Detection(ids, pixels, np.full(len(ids), SIGMA))
+        ids, pixels, homographies = located
+        scale = board.square_m * slopes(homographies, board.corners[ids, :2])
+        gap = 0.5 - 0.5 * board.marker_m / board.square_m
+        return detection(board, gray, ids, pixels, scale, gap)
 
 
 def is_available():
@@ -198,3 +197,11 @@ def _consistent(index, seen, known):
         return index[:0], seen[:0], known[:0]
     good = inliers.reshape(-1, 4).all(axis=1)
     return index[good], seen[good], known[good]
+
+
+def slopes(homographies, points):
+    """Return the derivatives of the pixels at points (n, 2) of boards, float64 (n, 2, 2), px/m."""
+    mapped = np.einsum('nij,nj->ni', homographies, np.column_stack([points, np.ones(len(points))]))
+    place = mapped[:, :2] / mapped[:, 2:]
+    return (homographies[:, :2, :2] - place[:, :, None] * homographies[:, 2:, :2]) / (
+        mapped[:, 2, None, None])

@@ -5,9 +5,8 @@ import cv2
 import numpy as np
 
 from ..errors import CalibrationError
-from .board_kind import BoardKind, Detection, Drawing, squares
-
-SIGMA = 0.05  # px, of OpenCV's corners; seen in rendered images
+from .board_kind import BoardKind, Drawing, squares
+from .corners import detection
 
 
 class Chessboard(BoardKind):
@@ -43,7 +42,10 @@ class Chessboard(BoardKind):
         pixels = locate(board, gray)
         if pixels is None:
             return None
-        return Detection(np.arange(len(pixels)), pixels, np.full(len(pixels), SIGMA))
+        grid = pixels.reshape(board.rows - 1, board.columns - 1, 2)
+        scale = np.stack([np.gradient(grid, axis=1).reshape(-1, 2),
+                          np.gradient(grid, axis=0).reshape(-1, 2)], axis=2)
+        return detection(board, gray, np.arange(len(pixels)), pixels, scale)
 
 
 def locate(board, gray):

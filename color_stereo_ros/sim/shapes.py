@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .board_shape import board_meshes, INK, read_board
 from .fields import Reader
 from .geometry import Pose
 from .materials import Material, read_material
@@ -224,6 +225,12 @@ class _Mesh:
     faces: np.ndarray
     smooth: bool
     uv: np.ndarray = None
+    inked: bool = False
+
+
+def _board(mitsuba, form):
+    white, black = board_meshes(form)
+    return [(_Mesh(*white, False), np.eye(4)), (_Mesh(*black, False, inked=True), np.eye(4))]
 
 
 def _relief(mitsuba, form):
@@ -248,12 +255,15 @@ SHAPES = {
     'wire_grid': (_read_wire_grid, _wire_grid),
     'height_field': (read_relief, _relief),
     'mesh': (_read_mesh, _mesh),
+    'board': (read_board, _board),
 }
+INK_MATERIAL = Material((INK,) * 3)
+"""Of the parts of a shape that are printed black."""
 
 
 def mitsuba_shapes(mitsuba, scene_object, folder):
     """
-    Return Mitsuba's descriptions of an object, without materials.
+    Return Mitsuba's descriptions of an object, and which of them are printed black.
 
     Parameters
     ----------
@@ -264,15 +274,17 @@ def mitsuba_shapes(mitsuba, scene_object, folder):
 
     Returns
     -------
-    shapes : list of dict
+    shapes : list of (dict, bool)
+        Without materials. True: of INK_MATERIAL instead of that of the object.
 
     """
     shapes = []
     for shape, matrix in SHAPES[scene_object.shape][1](mitsuba, scene_object.form):
+        inked = isinstance(shape, _Mesh) and shape.inked
         if isinstance(shape, _Mesh):
             shape = _through_file(shape, folder)
         world = mitsuba.ScalarTransform4f((scene_object.pose.matrix @ matrix).tolist())
-        shapes.append({**shape, 'to_world': world})
+        shapes.append(({**shape, 'to_world': world}, inked))
     return shapes
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from ._kernels import accumulate, project_pattern, smooth_on_surfaces
 from .materials import bsdf
 from .projection import pattern_light, pattern_stack, projector_coordinates
-from .shapes import mitsuba_shapes
+from .shapes import INK_MATERIAL, mitsuba_shapes
 from .variant import load_mitsuba
 
 # Rays must not slip through between the triangles of a mesh.
@@ -66,9 +66,10 @@ class World:
         shapes = {}
         for index, thing in enumerate(self.scene.objects):
             material = self.mitsuba.load_dict(bsdf(self.mitsuba, thing.material))
-            for part, shape in enumerate(mitsuba_shapes(self.mitsuba, thing, folder)):
+            ink = self.mitsuba.load_dict(bsdf(self.mitsuba, INK_MATERIAL))
+            for part, (shape, inked) in enumerate(mitsuba_shapes(self.mitsuba, thing, folder)):
                 shapes[f'object_{index}_{part}'] = self.mitsuba.load_dict(
-                    {**shape, 'bsdf': material})
+                    {**shape, 'bsdf': ink if inked else material})
         return shapes
 
     def lit_by(self, emitter):

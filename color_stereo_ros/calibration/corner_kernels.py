@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Inner loops of the corner fit: two edges that cross, blurred.
+
+    I(p) = (1 + g d / 10) (b + a erf(d1 / sqrt(2) s1) erf(d2 / sqrt(2) s2)),  d = p - c
+
+with d1 and d2 the distances of a pixel p from two lines through the corner c. The model is
+symmetric about c. Therefore errors of blur, angles, levels and of the response curve do not move
+the corner.
+
+"""
+
+import math
+
+import numpy as np
+
+from ..core.compiled import parallel, part, prange
+
+CENTER_X, CENTER_Y, ANGLE_1, ANGLE_2, BLUR_1, BLUR_2, HEIGHT, LEVEL, SHADE_X, SHADE_Y = range(10)
+COUNT = 10             # of the parameters; blurs are logarithms
+ROUNDS = 40            # at most; a dozen are usual
+STEP = 1e-4            # px; the fit ends when the corner moves less
+SHARPEST, BLUNTEST = math.log(0.25), math.log(8.0)  # px, of the blur
+LAG = 2                # px; demosaicing makes the noise of nearer neighbors alike
+ROOT_2 = math.sqrt(2.0)
+SLOPE = math.sqrt(2.0 / math.pi)
+
+
+@part()
+def evaluate(values, x, y, seen, residual, jacobian):
+    """
+    Compare the model with pixels, and differentiate it.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, float64, shape (10,)
+        The parameters; blurs are logarithms of px, angles radians.
+    x, y, seen : numpy.ndarray, float64, shape (n,)
+        Column, row (px) and gray value of each pixel.
+    residual : numpy.ndarray, float64, shape (n,)
+        Written: seen - model.
+    jacobian : numpy.ndarray, float64, shape (n, 10)
+        Written: derivatives of the model.
+
+    Returns
+    -------
+    cost : float
+        Sum of the squares of the residuals.
+
+    """
+    sine_1, cosine_1 = math.sin(values[ANGLE_1]), math.cos(values[ANGLE_1])
+    sine_2, cosine_2 = math.sin(values[ANGLE_2]), math.cos(values[ANGLE_2])
+    blur_1, blur_2 = math.exp(values[BLUR_1]), math.exp(values[BLUR_2])
+    height, level = values[HEIGHT], values[LEVEL]
+    cost = 0.0
+    for i in range(x.size):
+        dx, dy = x[i] - values[CENTER_X], y[i] - values[CENTER_Y]
+        away_1, away_2 = cosine_1 * dy - sine_1 * dx, cosine_2 * dy - sine_2 * dx
+        along_1, along_2 = cosine_1 * dx + sine_1 * dy, cosine_2 * dx + sine_2 * dy
+        edge_1 = math.erf(away_1 / (ROOT_2 * blur_1))
+        edge_2 = math.erf(away_2 / (ROOT_2 * blur_2))
+        slope_1 = SLOPE / blur_1 * math.exp(-0.5 * (away_1 / blur_1) ** 2)
+        slope_2 = SLOPE / blur_2 * math.exp(-0.5 * (away_2 / blur_2) ** 2)
+        shade = 1.0 + 0.1 * (values[SHADE_X] * dx + values[SHADE_Y] * dy)
+        bare = level + height * edge_1 * edge_2
+        by_1, by_2 = shade * height * slope_1 * edge_2, shade * height * edge_1 * slope_2
+        residual[i] = seen[i] - shade * bare
+        cost += residual[i] * residual[i]
+        jacobian[i, CENTER_X] = by_1 * sine_1 + by_2 * sine_2 - 0.1 * values[SHADE_X] * bare
+        jacobian[i, CENTER_Y] = -by_1 * cosine_1 - by_2 * cosine_2 - 0.1 * values[SHADE_Y] * bare
+        jacobian[i, ANGLE_1] = -by_1 * along_1
+        jacobian[i, ANGLE_2] = -by_2 * along_2
+        jacobian[i, BLUR_1] = -by_1 * away_1
+        jacobian[i, BLUR_2] = -by_2 * away_2
+        jacobian[i, HEIGHT] = shade * edge_1 * edge_2
+        jacobian[i, LEVEL] = shade
+        jacobian[i, SHADE_X] = 0.1 * dx * bare
+        jacobian[i, SHADE_Y] = 0.1 * dy * bare
+    return cost
+
+
+@part()
+def normal_equations(residual, jacobian, matrix, vector):
+    """Write J^T J into matrix (10, 10) and J^T r into vector (10,)."""
+    matrix[:] = 0.0
+    vector[:] = 0.0
+    for i in range(residual.size):
+        for j in range(COUNT):
+            vector[j] += jacobian[i, j] * residual[i]
+            for k in range(j + 1):
+                matrix[j, k] += jacobian[i, j] * jacobian[i, k]
+    for j in range(COUNT):
+        for k in range(j):
+            matrix[k, j] = matrix[j, k]
+
+
+@part()
+def solve(matrix, damping, vector, factor, solution):
+    """
+    Solve (M + damping diag M) x = v by Cholesky's decomposition.
+
+    Returns
+    -------
+    solved : bool
+        False where the matrix is not positive definite.
+
+    """
+    for j in range(COUNT):
+        for k in range(j + 1):
+            total = matrix[j, k]
+            if j == k:
+                total += damping * matrix[j, j]
+            for m in range(k):
+                total -= factor[j, m] * factor[k, m]
+            if j == k:
+                if not total > 1e-12 * matrix[j, j] + 1e-30:
+                    return False
+                factor[j, j] = math.sqrt(total)
+            else:
+                factor[j, k] = total / factor[k, k]
+    for j in range(COUNT):
+        total = vector[j]
+        for m in range(j):
+            total -= factor[j, m] * solution[m]
+        solution[j] = total / factor[j, j]
+    for j in range(COUNT - 1, -1, -1):
+        total = solution[j]
+        for m in range(j + 1, COUNT):
+            total -= factor[m, j] * solution[m]
+        solution[j] = total / factor[j, j]
+    return True
+
+
+@part()
+def fit(values, x, y, seen, residual, jacobian, matrix, factor):
+    """
+    Fit the model by the method of Levenberg and Marquardt; values (10,) are changed.
+
+    Returns
+    -------
+    cost : float
+        Sum of the squares of the residuals; NaN = the fit failed.
+
+    """
+    vector, change, trial = np.empty(COUNT), np.empty(COUNT), np.empty(COUNT)
+    cost = evaluate(values, x, y, seen, residual, jacobian)
+    damping = 1e-2
+    for _ in range(ROUNDS):
+        normal_equations(residual, jacobian, matrix, vector)
+        better = False
+        for _ in range(8):
+            if not solve(matrix, damping, vector, factor, change):
+                damping *= 10.0
+                continue
+            for j in range(COUNT):
+                trial[j] = values[j] + change[j]
+            for j in (BLUR_1, BLUR_2):
+                trial[j] = min(max(trial[j], SHARPEST), BLUNTEST)
+            new = evaluate(trial, x, y, seen, residual, jacobian)
+            if new < cost:
+                better = True
+                break
+            damping *= 10.0
+        if not better:
+            break
+        moved = max(abs(trial[0] - values[0]), abs(trial[1] - values[1]))
+        ended = moved < STEP and cost - new < 1e-6 * cost
+        values[:] = trial
+        cost = new
+        damping = max(damping * 0.1, 1e-9)
+        if ended:
+            break
+    cost = evaluate(values, x, y, seen, residual, jacobian)
+    normal_equations(residual, jacobian, matrix, vector)
+    return cost
+
+
+@part()
+def spread(x, y, residual, jacobian, matrix, factor, grid):
+    """
+    Return the variance of the corner, px^2, the mean of both coordinates; NaN = unknown.
+
+    The influence of each pixel on the corner, times its residual, is summed with that of its
+    neighbors: noise of demosaiced images is not independent (W. K. Newey and K. D. West, 1987).
+
+    Parameters
+    ----------
+    grid : numpy.ndarray, float64, shape (h + 2 LAG, w + 2 LAG, 2)
+        Zero; written.
+
+    """
+    unit, row = np.zeros(COUNT), np.empty((2, COUNT))
+    for axis in range(2):
+        unit[:] = 0.0
+        unit[axis] = 1.0
+        if not solve(matrix, 0.0, unit, factor, row[axis]):
+            return np.nan
+    left, top = x.min(), y.min()
+    for i in range(x.size):
+        for axis in range(2):
+            influence = 0.0
+            for j in range(COUNT):
+                influence += row[axis, j] * jacobian[i, j]
+            grid[LAG + int(y[i] - top), LAG + int(x[i] - left), axis] = influence * residual[i]
+    total = 0.0
+    for v in range(LAG, grid.shape[0] - LAG):
+        for u in range(LAG, grid.shape[1] - LAG):
+            for axis in range(2):
+                if grid[v, u, axis] == 0.0:
+                    continue
+                near = 0.0
+                for j in range(-LAG, LAG + 1):
+                    for i in range(-LAG, LAG + 1):
+                        weight = (1 - abs(i) / (LAG + 1)) * (1 - abs(j) / (LAG + 1))
+                        near += weight * grid[v + j, u + i, axis]
+                total += grid[v, u, axis] * near
+    freedom = x.size - COUNT
+    return 0.5 * total * x.size / freedom if freedom > 0 else np.nan
+
+
+@part()
+def inside(dx, dy, inverse, reach, gap, guard, black):
+    """
+    Return whether a pixel belongs to the window of a corner.
+
+    Parameters
+    ----------
+    dx, dy : float
+        Pixel less corner, px.
+    inverse : numpy.ndarray, float64, shape (2, 2)
+        Squares per px.
+    reach : float
+        Half width of the window, squares.
+    gap : float
+        Distance from the edge of a white square to its marker, squares; large = no markers.
+    guard : float
+        px; nearer to a marker no pixel is used.
+    black : float
+        1 where the square at larger x and larger y is black, -1 where it is white.
+
+    """
+    qx, qy = inverse[0, 0] * dx + inverse[0, 1] * dy, inverse[1, 0] * dx + inverse[1, 1] * dy
+    if abs(qx) > reach or abs(qy) > reach:
+        return False
+    if qx * qy * black > 0:
+        return True
+    near_x = gap - guard * math.hypot(inverse[0, 0], inverse[0, 1])
+    near_y = gap - guard * math.hypot(inverse[1, 0], inverse[1, 1])
+    return abs(qx) < near_x or abs(qy) < near_y
+
+
+@part()
+def window(gray, middle, inverse, black, reach, gap, guard, box, x, y, seen, levels):
+    """
+    Collect the pixels of a corner's window.
+
+    Parameters
+    ----------
+    middle : numpy.ndarray, float64, shape (2,)
+        px.
+    box : (int, int, int, int)
+        First and last column + 1, first and last row + 1.
+    x, y, seen : numpy.ndarray, float64
+        Written: column, row and gray value of each pixel.
+    levels : numpy.ndarray, float64, shape (2,)
+        Written: mean of the pixels that should be black, and white; NaN = there are none.
+
+    Returns
+    -------
+    count : int
+
+    """
+    count, blacks, whites = 0, 0, 0
+    levels[:] = 0.0
+    for row in range(box[2], box[3]):
+        for column in range(box[0], box[1]):
+            dx, dy = column - middle[0], row - middle[1]
+            if not inside(dx, dy, inverse, reach, gap, guard, black):
+                continue
+            x[count], y[count], seen[count] = column, row, gray[row, column]
+            side = (inverse[0, 0] * dx + inverse[0, 1] * dy) * (
+                inverse[1, 0] * dx + inverse[1, 1] * dy)
+            if side * black > 0:
+                levels[0] += seen[count]
+                blacks += 1
+            else:
+                levels[1] += seen[count]
+                whites += 1
+            count += 1
+    levels[0] = levels[0] / blacks if blacks else np.nan
+    levels[1] = levels[1] / whites if whites else np.nan
+    return count
+
+
+@part()
+def begin(values, middle, inverse, black, levels):
+    """Write the parameters (10,) at which a fit begins."""
+    values[:] = 0.0
+    values[CENTER_X], values[CENTER_Y] = middle[0], middle[1]
+    # Along the first edge the y of the board does not change, along the second one its x.
+    values[ANGLE_1] = math.atan2(-inverse[1, 0], inverse[1, 1])
+    values[ANGLE_2] = math.atan2(inverse[0, 0], -inverse[0, 1])
+    # d1 grows with y and d2 falls with x: d1 d2 < 0 in the squares that `black` is about.
+    values[HEIGHT] = 0.5 * (levels[1] - levels[0]) * black
+    values[LEVEL] = 0.5 * (levels[1] + levels[0])
+
+
+@part()
+def fit_corner(gray, middle, inverse, black, reach, gap, guard, largest, found):
+    """Fit one corner; `found` (12,) is a row of that of `fit_corners`, NaN before."""
+    left, top = max(0, int(middle[0]) - largest), max(0, int(middle[1]) - largest)
+    right = min(gray.shape[1], int(middle[0]) + largest + 2)
+    bottom = min(gray.shape[0], int(middle[1]) + largest + 2)
+    most = max(0, right - left) * max(0, bottom - top)
+    x, y, seen = np.empty(most), np.empty(most), np.empty(most)
+    levels = np.empty(2)
+    count = window(gray, middle, inverse, black, reach, gap, guard, (left, right, top, bottom),
+                   x, y, seen, levels)
+    if count < 2 * COUNT or math.isnan(levels[0] + levels[1]):
+        return
+    x, y, seen = x[:count], y[:count], seen[:count]
+    residual, jacobian = np.empty(count), np.empty((count, COUNT))
+    matrix, factor = np.empty((COUNT, COUNT)), np.zeros((COUNT, COUNT))
+    begin(found, middle, inverse, black, levels)
+    cost = fit(found[:COUNT], x, y, seen, residual, jacobian, matrix, factor)
+    grid = np.zeros((bottom - top + 2 * LAG, right - left + 2 * LAG, 2))
+    found[COUNT] = spread(x, y, residual, jacobian, matrix, factor, grid)
+    found[COUNT + 1] = math.sqrt(cost / (count - COUNT))
+
+
+@parallel(error_model='python')
+def fit_corners(gray, start, inverse, black, reach, gap, guard, largest, found):
+    """
+    Fit all corners of a board.
+
+    Parameters
+    ----------
+    gray : numpy.ndarray, uint8, shape (H, W)
+    start : numpy.ndarray, float64, shape (n, 2)
+        px.
+    inverse : numpy.ndarray, float64, shape (n, 2, 2)
+        Squares per px at each corner.
+    black : numpy.ndarray, float64, shape (n,)
+    reach, gap, guard
+        See `inside`.
+    largest : int
+        Half width of the window, px, at most.
+    found : numpy.ndarray, float64, shape (n, 12)
+        Written: the parameters, the variance of the corner (px^2), and the standard deviation of
+        the residuals (DN). NaN = no fit.
+
+    """
+    for corner in prange(start.shape[0]):
+        found[corner] = np.nan
+        fit_corner(gray, start[corner], inverse[corner], black[corner], reach, gap, guard,
+                   largest, found[corner])

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Twins of the kernels of boards and corners: the same by NumPy and plain loops."""
+
+import math
+
+import numpy as np
+
+
+def model(values, x, y):
+    """Return the gray value of two crossing blurred edges at one pixel."""
+    cx, cy, angle_1, angle_2, log_1, log_2, height, level, shade_x, shade_y = values
+    dx, dy = x - cx, y - cy
+    away_1 = math.cos(angle_1) * dy - math.sin(angle_1) * dx
+    away_2 = math.cos(angle_2) * dy - math.sin(angle_2) * dx
+    edges = (math.erf(away_1 / math.sqrt(2) / math.exp(log_1))
+             * math.erf(away_2 / math.sqrt(2) / math.exp(log_2)))
+    return (1 + (shade_x * dx + shade_y * dy) / 10) * (level + height * edges)
+
+
+def window(gray, middle, inverse, reach, gap, guard, black, largest):
+    """Return column, row and value of the pixels of a corner's window, three lists."""
+    found = []
+    for row in range(gray.shape[0]):
+        for column in range(gray.shape[1]):
+            left, top = int(middle[0]) - largest, int(middle[1]) - largest
+            if not (left <= column < left + 2 * largest + 2
+                    and top <= row < top + 2 * largest + 2):
+                continue
+            q = inverse @ np.array([column - middle[0], row - middle[1]])
+            if max(abs(q)) > reach:
+                continue
+            near = gap - guard * np.linalg.norm(inverse, axis=1)
+            if q[0] * q[1] * black > 0 or (abs(q) < near).any():
+                found.append((column, row, float(gray[row, column])))
+    return [list(each) for each in zip(*found)]
+
+
+def differentiated(values, x, y):
+    """Return the derivatives of `model` at one pixel by central differences."""
+    steps = 1e-5 * np.eye(10)
+    return np.array([(model(values + step, x, y) - model(values - step, x, y)) / 2e-5
+                     for step in steps])
+
+
+def fitted(start, window_pixels, rounds=60):
+    """Return the parameters of the best fit by damped steps of Gauss and Newton."""
+    columns, rows, seen = window_pixels
+    values, damping = np.array(start, np.float64), 1e-2
+
+    def residuals(these):
+        return np.array([value - model(these, x, y) for x, y, value in zip(columns, rows, seen)])
+
+    for _ in range(rounds):
+        jacobian = np.array([differentiated(values, x, y) for x, y in zip(columns, rows)])
+        here = residuals(values)
+        normal = jacobian.T @ jacobian
+        trial = values + np.linalg.solve(normal + damping * np.diag(np.diag(normal)),
+                                         jacobian.T @ here)
+        trial[4:6] = np.clip(trial[4:6], math.log(0.25), math.log(8))
+        if (residuals(trial) ** 2).sum() < (here ** 2).sum():
+            values, damping = trial, max(damping / 10, 1e-9)
+        else:
+            damping *= 10
+    return values
+
+
+def variance(values, window_pixels, lag=2):
+    """Return the mean variance of both coordinates, neighbors' residuals counted as related."""
+    columns, rows, seen = window_pixels
+    jacobian = np.array([differentiated(values, x, y) for x, y in zip(columns, rows)])
+    residual = np.array([value - model(values, x, y) for x, y, value in zip(columns, rows, seen)])
+    influence = (jacobian @ np.linalg.inv(jacobian.T @ jacobian))[:, :2] * residual[:, None]
+    at = {place: push for place, push in zip(zip(columns, rows), influence)}
+    total = 0.0
+    for (x, y), push in at.items():
+        for j in range(-lag, lag + 1):
+            for i in range(-lag, lag + 1):
+                weight = (1 - abs(i) / (lag + 1)) * (1 - abs(j) / (lag + 1))
+                total += weight * push @ at.get((x + i, y + j), np.zeros(2))
+    return total / 2 * len(seen) / (len(seen) - 10)
+
+
+def board_mean(corners, drawing, border, levels, samples=256):
+    """Return the mean radiance of one pixel, given what its four corners see of the board."""
+    total, u, v = 0.0, 0.5, 0.5
+    for _ in range(samples):
+        u, v = (u + 0.7548776662466927) % 1.0, (v + 0.5698402909980532) % 1.0
+        x, y = ((1 - u) * (1 - v) * corners[0] + u * (1 - v) * corners[1]
+                + (1 - u) * v * corners[2] + u * v * corners[3])
+        total += _level(x, y, drawing, border, levels)
+    return total / samples
+
+
+def _level(x, y, drawing, border, levels):
+    if not (drawing.x[0] - border <= x < drawing.x[-1] + border
+            and drawing.y[0] - border <= y < drawing.y[-1] + border):
+        return levels[2]
+    for row in range(len(drawing.y) - 1):
+        for column in range(len(drawing.x) - 1):
+            if (drawing.dark[row, column] and drawing.x[column] <= x < drawing.x[column + 1]
+                    and drawing.y[row] <= y < drawing.y[row + 1]):
+                return levels[0]
+    for center_x, center_y, radius in drawing.disks:
+        if math.hypot(x - center_x, y - center_y) < radius:
+            return levels[0]
+    return levels[1]

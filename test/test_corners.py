@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Corners of rendered boards: exact places, honest standard deviations."""
+
+from color_stereo_ros.calibration import charuco
+from color_stereo_ros.calibration.boards import Board
+from color_stereo_ros.calibration.circles import eccentricity
+from color_stereo_ros.calibration.corner_kernels import COUNT, fit_corners
+from color_stereo_ros.calibration.corners import refined
+from color_stereo_ros.errors import InstallationError
+from color_stereo_ros.evaluation.corners import CASES, facing, measured, rig
+from color_stereo_ros.sim.boards import board_pair
+
+import cv2
+import naive_corners
+import numpy as np
+import pytest
+
+BARS = {('chessboard', 'usual'): 0.03, ('chessboard', 'steep'): 0.03, ('charuco', 'usual'): 0.05,
+        ('charuco', 'steep'): 0.05, ('circles', 'usual'): 0.06}
+VALUES = np.array([15.3, 14.6, 0.2, 1.9, np.log(0.8), np.log(1.1), 60.0, 120.0, 0.02, -0.03])
+
+
+def patch(values=VALUES, noise=1.0, seed=1, size=31):
+    """Return an image of one corner, uint8 (size, size)."""
+    image = [[naive_corners.model(values, x, y) for x in range(size)] for y in range(size)]
+    image = np.array(image) + np.random.default_rng(seed).normal(0, noise, (size, size))
+    return np.clip(np.round(image), 0, 255).astype(np.uint8)
+
+
+def squares(values=VALUES, side=20.0):
+    """Return px per square (1, 2, 2) whose sides lie along the edges of a corner."""
+    along = [(np.cos(angle), np.sin(angle)) for angle in values[2:4]]
+    return side * np.array(along).T[None]
+
+
+@pytest.mark.parametrize('gap', [10.0, 0.3])
+def test_the_fit_equals_its_twin(gap):
+    image = patch()
+    inverse = np.linalg.inv(squares())
+    # Lines are directed along -y where the kernel takes the second one: a is negative then.
+    start, black = np.array([[15.0, 15.0]]), np.array([-1.0])
+    found = np.empty((1, COUNT + 2))
+    fit_corners(image, start, inverse, black, 0.5, gap, 1.5, 14, found)
+    pixels = naive_corners.window(image, start[0], inverse[0], 0.5, gap, 1.5, black[0], 14)
+    twin = naive_corners.fitted(found[0, :COUNT] + 0.02, pixels)
+    assert found[0, :2] == pytest.approx(twin[:2], abs=2e-4)
+    assert found[0, 2:COUNT] == pytest.approx(twin[2:], rel=2e-2, abs=2e-2)
+    assert found[0, COUNT] == pytest.approx(naive_corners.variance(twin, pixels), rel=1e-2)
+
+
+def test_known_corners_come_back():
+    generator = np.random.default_rng(2)
+    errors, sigmas = [], []
+    for seed in range(60):
+        values = VALUES + 0.0
+        values[:2] += generator.uniform(-0.5, 0.5, 2)
+        values[2:4] += generator.uniform(-0.3, 0.3, 2)
+        good, pixels, sigma = refined(patch(values, 2.0, seed), values[None, :2] + 0.6,
+                                      squares(values), np.array([False]))
+        assert good.all()
+        errors.append(pixels[0] - values[:2])
+        sigmas.append(sigma[0])
+    ratio = np.array(errors) / np.array(sigmas)[:, None]
+    assert np.sqrt((np.array(errors) ** 2).mean()) < 0.02
+    assert 0.8 < np.percentile(np.abs(ratio), 68) < 1.25
+
+
+@pytest.mark.parametrize('image', [
+    np.full((31, 31), 90, np.uint8), np.tile(np.uint8(8 * np.arange(31)), (31, 1)),
+    np.random.default_rng(1).integers(0, 256, (31, 31)).astype(np.uint8)],
+    ids=['flat', 'ramp', 'noise'])
+def test_what_is_no_corner_is_left_out(image):
+    good, pixels, sigma = refined(image, np.array([[15.0, 15.0]]), squares(), np.array([False]))
+    assert not good.any() and np.isnan(pixels).all() and np.isnan(sigma).all()
+
+
+def test_a_corner_of_the_wrong_colors_is_left_out():
+    assert refined(patch(), VALUES[None, :2], squares(), np.array([False]))[0].all()
+    assert not refined(patch(), VALUES[None, :2], squares(), np.array([True]))[0].any()
+
+
+@pytest.mark.parametrize('kind, name', [
+    case for case in CASES if case[0] != 'charuco' or charuco.is_available()])
+def test_corners_of_rendered_boards_meet_their_bars(kind, name, effort, figures):
+    rounds = effort.count(3, 40)
+    found = measured(kind, CASES[kind, name], rounds, seed=5)['ours']
+    figures(f'corner error, {kind}, {name} tilt', found.rms, 'px', over=rounds,
+            at_most=BARS[kind, name])
+    figures(f'z68 of corners, {kind}, {name} tilt', found.z68, '', over=rounds, at_least=0.8,
+            at_most=1.25)
+
+
+def test_a_board_that_reaches_beyond_the_image_keeps_its_ids():
+    if not charuco.is_available():
+        with pytest.raises(InstallationError):
+            Board('charuco')
+        return
+    board = Board.usual('charuco')
+    view = board_pair(rig(), board, facing(board, 0.24, (40, 0, 10), x=0.0))[0]
+    found = board.detect(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY))
+    assert not view.inside.all() and len(found) > 0.8 * view.inside.sum()
+    assert np.abs(found.pixels - view.pixels[found.ids]).max() < 0.5
+
+
+def test_the_center_of_an_ellipse_is_not_that_of_its_circle():
+    homography = np.array([[900.0, 40, 100], [30, 800, 80], [0.4, 2.0, 1]])
+    angles = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
+    center, radius = np.array([0.05, 0.08]), 0.02
+    rim = center + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    seen = cv2.perspectiveTransform(rim[None], homography)[0].astype(np.float32)
+    moments = cv2.moments(seen)
+    middle = np.array([moments['m10'], moments['m01']]) / moments['m00']
+    place = cv2.perspectiveTransform(center[None, None], homography)[0, 0]
+    assert eccentricity(homography, [center], radius)[0] == pytest.approx(middle - place,
+                                                                          abs=1e-3)
