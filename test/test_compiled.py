@@ -104,7 +104,7 @@ def test_where_numba_has_changed_a_pair_is_measured_all_the_same(tmp_path, usual
         if '_plain' not in path.name:
             path.unlink()  # what is compiled already cannot fail to compile
     ran = run(BREAK + BREAKS[what] + MEASURE, tmp_path / 'found.npz',
-              NUMBA_CACHE_DIR=str(CACHE))
+              NUMBA_CACHE_DIR=str(CACHE), NUMBA_OPT='1')
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout == 'True\n'
     warnings = ran.stderr.splitlines()

@@ -75,36 +75,6 @@ def test_every_command_line_that_a_document_shows_is_accepted(path):
             assert ending.code == 0, words
 
 
-def test_the_way_from_corners_to_a_calibration_runs(tmp_path, monkeypatch, capsys):
-    """Execute the example of docs/hardware.md with a board that two known cameras see."""
-    import cv2
-    import numpy as np
-
-    from color_stereo_ros.core import StereoCalibration
-    example = re.search(r'```python\n(.*?)```', (ROOT / 'docs/hardware.md').read_text(),
-                        re.DOTALL).group(1)
-    corners = np.zeros((48, 3), np.float32)
-    corners[:, :2] = 0.025 * np.mgrid[0:8, 0:6].T.reshape(-1, 2)
-    camera = np.array([[600.0, 0, 319.5], [0, 600.0, 239.5], [0, 0, 1]])
-    turn, shift = np.array([0.0, 0.1, 0.0]), np.array([-0.1, 0.0, 0.01])
-    rotation = cv2.Rodrigues(turn)[0]
-    rng = np.random.default_rng(2)
-    seen = {'board': [], 'corners_left': [], 'corners_right': []}
-    for _ in range(12):
-        pose, place = rng.uniform(-0.4, 0.4, 3), rng.uniform((-.15, -.12, .4), (0, 0, .6))
-        along_right = cv2.Rodrigues(rotation @ cv2.Rodrigues(pose)[0])[0]
-        left, _ = cv2.projectPoints(corners, pose, place, camera, None)
-        right, _ = cv2.projectPoints(corners, along_right, rotation @ place + shift, camera, None)
-        for name, points in zip(seen, (corners, left, right)):
-            seen[name].append(points.astype(np.float32))
-    monkeypatch.chdir(tmp_path)
-    exec(example, dict(seen))
-    found = StereoCalibration.from_yaml('left.yaml', 'right.yaml')
-    assert found.geometry.baseline == pytest.approx(np.hypot(0.1, 0.01), rel=2e-3)
-    np.testing.assert_allclose(found.right_from_left[0], rotation, atol=2e-3)
-    assert 'baseline 0.100' in capsys.readouterr().out
-
-
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
 def test_every_link_inside_the_repository_leads_somewhere(path):
     for target in re.findall(r'\]\(([^)#]+)(?:#[^)]*)?\)', path.read_text()):

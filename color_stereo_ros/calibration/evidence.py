@@ -17,6 +17,8 @@ FOLDS = 3
 """Parts of the views, each of which is predicted by the others; chosen: the usual few."""
 CLEAR = 2.0
 """Standard errors by which a lens with more coefficients must predict better."""
+USUAL = 'plumb_bob'
+"""The model that most lenses have and every tool reads."""
 RELEVANT = 0.01
 """Of the scatter: less is not worth a coefficient."""
 SPLITS = 3
@@ -52,7 +54,8 @@ def choose_lens(size, corners, views, models=None):
     Returns
     -------
     choice : LensChoice
-        The model with the fewest coefficients that none predicts clearly better.
+        `USUAL` unless another one predicts clearly better; then the model with the fewest
+        coefficients that none predicts clearly better.
 
     Raises
     ------
@@ -71,7 +74,8 @@ def choose_lens(size, corners, views, models=None):
     scatter = {model: float(np.median(predicted[model])) if model in predicted else np.inf
                for model in models or LENSES}
     best = min(predicted, key=scatter.get)
-    simple = sorted(predicted, key=lambda model: (coefficients_of_model(model), scatter[model]))
+    simple = sorted(predicted, key=lambda model: (
+        model != USUAL, coefficients_of_model(model), scatter[model]))
     chosen = next(model for model in simple
                   if not _clearly_better(predicted[best], predicted[model]))
     others = ', '.join(f'{model} {value:.3f}' for model, value in scatter.items()

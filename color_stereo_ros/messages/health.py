@@ -68,8 +68,9 @@ def health_message(health, name, header, suggested=None):
         return DiagnosticArray(header, (DiagnosticStatus(STALE, name, UNKNOWN, '', ()),))
     values = health_values(health)
     if suggested is not None:
-        values |= {f'suggested {side} {field}': numbers_of(getattr(getattr(suggested, side), field))
-                   for side, field in (('left', 'R'), ('right', 'K'), ('right', 'R'))}
+        for side, field in (('left', 'R'), ('right', 'K'), ('right', 'R')):
+            matrix = getattr(getattr(suggested, side), field)
+            values[f'suggested {side} {field}'] = numbers_of(matrix)
     level = WARN if needs_care(health) else OK
     pairs = tuple(KeyValue(key, value if isinstance(value, str) else repr(value))
                   for key, value in values.items())

@@ -8,5 +8,5 @@ from .groups import (
 
 __all__ = [
     'ColorSettings', 'Group', 'HealthSettings', 'MatchingSettings', 'Metadata',
-    'PatternSettings', 'RangeSettings', 'Settings', 'checked_value', 'described', 'explained', 'flat', 'setting', 'suggestion',
-    'updated']
+    'PatternSettings', 'RangeSettings', 'Settings', 'checked_value', 'described', 'explained',
+    'flat', 'setting', 'suggestion', 'updated']

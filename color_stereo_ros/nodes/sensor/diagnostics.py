@@ -58,7 +58,7 @@ class Diagnostics:
 
 
 def _diagnostic_array(sensor, name, stamp):
-    """Return the DiagnosticArray: a summary, inputs, calibration, its health, pattern, range images."""
+    """Return the DiagnosticArray: a summary, inputs, calibration, health, pattern, ranges."""
     judges = {'inputs': _inputs, 'calibration': _calibration,
               'calibration health': _calibration_health, 'pattern': _pattern,
               'range images': _range_images}

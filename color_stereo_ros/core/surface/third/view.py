@@ -10,7 +10,7 @@ from ...compiled import Arena
 from ...projector.model import COUNT, ProjectorModel
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
-from ..planes import LeastSquares, Linearized, PlaneField
+from ..planes import LeastSquares, PlaneField
 from .colors import (
     explained, fitted_colors, Light, local_light, middle, resized, warm as warm_colors)
 from .fusion import Fusion, known_planes
