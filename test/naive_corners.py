@@ -71,13 +71,20 @@ def variance(values, window_pixels, lag=2):
     residual = np.array([value - model(values, x, y) for x, y, value in zip(columns, rows, seen)])
     influence = (jacobian @ np.linalg.inv(jacobian.T @ jacobian))[:, :2] * residual[:, None]
     at = {place: push for place, push in zip(zip(columns, rows), influence)}
+    twice = np.floor(2 * (values[:2] - (columns[0], rows[0])) + 0.5).astype(int)
+    twice += 2 * np.array([columns[0], rows[0]])
+    # A pixel outside of the window may lie opposite to one inside.
+    places = {*at, *((twice[0] - x, twice[1] - y) for x, y in at)}
+    zero = np.zeros(2)
+    folded = {(x, y): at.get((x, y), zero) + at.get((twice[0] - x, twice[1] - y), zero)
+              for x, y in places}
     total = 0.0
-    for (x, y), push in at.items():
+    for (x, y), push in folded.items():
         for j in range(-lag, lag + 1):
             for i in range(-lag, lag + 1):
                 weight = (1 - abs(i) / (lag + 1)) * (1 - abs(j) / (lag + 1))
-                total += weight * push @ at.get((x + i, y + j), np.zeros(2))
-    return total / 2 * len(seen) / (len(seen) - 10)
+                total += weight * push @ folded.get((x + i, y + j), zero)
+    return total / 4 * len(seen) / (len(seen) - 10)
 
 
 def board_mean(corners, drawing, border, levels, samples=256):

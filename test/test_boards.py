@@ -176,8 +176,8 @@ def test_circles_in_the_pdf_have_their_centers_and_diameters():
     board = Board.usual('circles')
     text = drawn(pdf(board, paper_size('A4')))[1]
     place = layout(board, paper_size('A4'))
-    curve = r'^' + r'([-\d.]+) ' * 6 + r'c$'
-    curves = np.array(re.findall(curve, text, re.M), np.float64)
+    six = ' '.join(6 * [r'([-\d.]+)'])
+    curves = np.array(re.findall(rf'^{six} c$', text, re.M), np.float64)
     ends = curves[:, 4:].reshape(len(board.corners), -1, 2)
     centers = 1e3 * board.corners[:, :2] + (place.left, place.top)
     assert np.allclose(ends.mean(axis=1), centers, atol=1e-5)

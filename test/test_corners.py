@@ -37,8 +37,7 @@ def squares(values=VALUES, side=20.0):
 def test_the_fit_equals_its_twin(gap):
     image = patch()
     inverse = np.linalg.inv(squares())
-    # Lines are directed along -y where the kernel takes the second one: a is negative then.
-    start, black = np.array([[15.0, 15.0]]), np.array([-1.0])
+    start, black = np.array([[15.0, 15.0]]), np.array([1.0])
     found = np.empty((1, COUNT + 2))
     fit_corners(image, start, inverse, black, 0.5, gap, 1.5, 14, found)
     pixels = naive_corners.window(image, start[0], inverse[0], 0.5, gap, 1.5, black[0], 14)
@@ -56,13 +55,13 @@ def test_known_corners_come_back():
         values[:2] += generator.uniform(-0.5, 0.5, 2)
         values[2:4] += generator.uniform(-0.3, 0.3, 2)
         good, pixels, sigma = refined(patch(values, 2.0, seed), values[None, :2] + 0.6,
-                                      squares(values), np.array([False]))
+                                      squares(values), np.array([True]))
         assert good.all()
         errors.append(pixels[0] - values[:2])
         sigmas.append(sigma[0])
     ratio = np.array(errors) / np.array(sigmas)[:, None]
     assert np.sqrt((np.array(errors) ** 2).mean()) < 0.02
-    assert 0.8 < np.percentile(np.abs(ratio), 68) < 1.25
+    assert 0.7 < np.sqrt((ratio ** 2).mean()) < 1.2
 
 
 @pytest.mark.parametrize('image', [
@@ -75,8 +74,8 @@ def test_what_is_no_corner_is_left_out(image):
 
 
 def test_a_corner_of_the_wrong_colors_is_left_out():
-    assert refined(patch(), VALUES[None, :2], squares(), np.array([False]))[0].all()
-    assert not refined(patch(), VALUES[None, :2], squares(), np.array([True]))[0].any()
+    assert refined(patch(), VALUES[None, :2], squares(), np.array([True]))[0].all()
+    assert not refined(patch(), VALUES[None, :2], squares(), np.array([False]))[0].any()
 
 
 @pytest.mark.parametrize('kind, name', [
@@ -86,8 +85,7 @@ def test_corners_of_rendered_boards_meet_their_bars(kind, name, effort, figures)
     found = measured(kind, CASES[kind, name], rounds, seed=5)['ours']
     figures(f'corner error, {kind}, {name} tilt', found.rms, 'px', over=rounds,
             at_most=BARS[kind, name])
-    figures(f'z68 of corners, {kind}, {name} tilt', found.z68, '', over=rounds, at_least=0.8,
-            at_most=1.25)
+    figures(f'z68 of corners, {kind}, {name} tilt', found.z68, '', over=rounds, at_most=1.1)
 
 
 def test_a_board_that_reaches_beyond_the_image_keeps_its_ids():
@@ -96,7 +94,7 @@ def test_a_board_that_reaches_beyond_the_image_keeps_its_ids():
             Board('charuco')
         return
     board = Board.usual('charuco')
-    view = board_pair(rig(), board, facing(board, 0.24, (40, 0, 10), x=0.0))[0]
+    view = board_pair(rig(), board, facing(board, 0.24, (40, 0, 10), x=0.09))[0]
     found = board.detect(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY))
     assert not view.inside.all() and len(found) > 0.8 * view.inside.sum()
     assert np.abs(found.pixels - view.pixels[found.ids]).max() < 0.5

@@ -93,10 +93,10 @@ def test_the_bow_is_zero_at_the_edges_and_full_in_the_middle():
 
 def test_the_renderer_shows_the_same_board():
     kind = 'chessboard'
-    scene = load_scene({'rig': 'effector', 'objects': [
-        {'shape': 'board', 'kind': kind, 'columns': 7, 'rows': 6, 'square': 0.012,
-         'position': [0, 0, 0.25], 'rotation': [20, 10, 5]}]})
-    board = Board(kind, 7, 6, 0.012)
+    scene = load_scene({'rig': {'base': 'effector', 'cameras': {'speckle': 0.0}}, 'objects': [
+        {'shape': 'board', 'kind': kind, 'columns': 7, 'rows': 6, 'square': 0.016,
+         'position': [0, 0, 0.4], 'rotation': [20, 10, 5]}]})
+    board = Board(kind, 7, 6, 0.016)
     white = np.full((480, 640, 3), 255, np.uint8)
     rendering = Renderer(scene, samples=4, indirect=False).render(white, with_truth=False)
     camera = scene.rig.left

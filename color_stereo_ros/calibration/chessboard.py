@@ -8,6 +8,13 @@ from ..errors import CalibrationError
 from .board_kind import BoardKind, Drawing, squares
 from .corners import detection
 
+# None of OpenCV's ways finds all boards; the quick ones come first. The fit checks every corner.
+FINDERS = (
+    (cv2.findChessboardCornersSB, 0),
+    (cv2.findChessboardCorners, cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+     | cv2.CALIB_CB_FAST_CHECK),
+    (cv2.findChessboardCornersSB, cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE))
+
 
 class Chessboard(BoardKind):
     """Black and white squares; an image must show all of them."""
@@ -50,12 +57,12 @@ class Chessboard(BoardKind):
 
 def locate(board, gray):
     """Return the pixels of all inner corners, float64 (N, 2), by id, or None."""
-    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
     shape = board.columns - 1, board.rows - 1
-    found, pixels = cv2.findChessboardCornersSB(gray, shape, flags=flags)
-    if not found:
-        return None
-    return oriented(pixels.reshape(shape[1], shape[0], 2).astype(np.float64), gray)
+    for find, flags in FINDERS:
+        found, pixels = find(gray, shape, flags=flags)
+        if found:
+            return oriented(pixels.reshape(shape[1], shape[0], 2).astype(np.float64), gray)
+    return None
 
 
 def oriented(grid, gray):

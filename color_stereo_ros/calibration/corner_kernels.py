@@ -181,12 +181,29 @@ def fit(values, x, y, seen, residual, jacobian, matrix, factor, rows):
 
 
 @part()
-def spread(x, y, residual, jacobian, matrix, factor, rows, grid):
+def fold(grid, twice_x, twice_y):
+    """Add to each value of a grid (h, w, 2) the one opposite to (twice_x, twice_y) / 2."""
+    height, width = grid.shape[0], grid.shape[1]
+    for v in range(height):
+        for u in range(width):
+            j, i = twice_y - v, twice_x - u
+            if (v, u) > (j, i) or not (0 <= j < height and 0 <= i < width):
+                continue
+            for axis in range(2):
+                both = grid[v, u, axis] + grid[j, i, axis]
+                grid[v, u, axis] = both
+                grid[j, i, axis] = both
+
+
+@part()
+def spread(values, x, y, residual, jacobian, matrix, factor, rows, grid):
     """
     Return the variance of the corner, px^2, the mean of both coordinates; NaN = unknown.
 
     The influence of each pixel on the corner, times its residual, is summed with that of its
     neighbors: noise of demosaiced images is not independent (W. K. Newey and K. D. West, 1987).
+    Each pixel counts together with the one opposite to it: where the true profile of the edges
+    differs from the model, both push the corner by the same, in opposite directions.
 
     Parameters
     ----------
@@ -210,6 +227,9 @@ def spread(x, y, residual, jacobian, matrix, factor, rows, grid):
             for j in range(COUNT):
                 influence += row[axis, j] * jacobian[i, j]
             grid[LAG + int(y[i] - top), LAG + int(x[i] - left), axis] = influence * residual[i]
+    twice_x = int(math.floor(2.0 * (values[CENTER_X] - left) + 0.5)) + 2 * LAG
+    twice_y = int(math.floor(2.0 * (values[CENTER_Y] - top) + 0.5)) + 2 * LAG
+    fold(grid, twice_x, twice_y)
     total = 0.0
     for v in range(LAG, grid.shape[0] - LAG):
         for u in range(LAG, grid.shape[1] - LAG):
@@ -223,7 +243,7 @@ def spread(x, y, residual, jacobian, matrix, factor, rows, grid):
                         near += weight * grid[v + j, u + i, axis]
                 total += grid[v, u, axis] * near
     freedom = x.size - COUNT
-    return 0.5 * total * x.size / freedom if freedom > 0 else np.nan
+    return 0.25 * total * x.size / freedom if freedom > 0 else np.nan
 
 
 @part()
@@ -336,7 +356,8 @@ def fit_corner(gray, middle, inverse, black, reach, gap, guard, largest, pixels,
     residual, jacobian = pixels[3, :count], table[:count]
     begin(found, middle, inverse, black, levels)
     cost = fit(found[:COUNT], x, y, seen, residual, jacobian, squares[0], squares[1], rows)
-    found[COUNT] = spread(x, y, residual, jacobian, squares[0], squares[1], rows, grid)
+    found[COUNT] = spread(found[:COUNT], x, y, residual, jacobian, squares[0], squares[1], rows,
+                          grid)
     found[COUNT + 1] = math.sqrt(cost / (count - COUNT))
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 
 from .board_kind import Detection, LEAST_CORNERS
-from .corner_kernels import BLUR_1, BLUR_2, COUNT, fit_corners, HEIGHT
+from .corner_kernels import ANGLE_1, ANGLE_2, BLUR_1, BLUR_2, COUNT, fit_corners, HEIGHT
 
 REACH = 0.5          # squares, half width of the window; the next edges are a square away
 LARGEST = 14         # px, half width of the window; beyond, lenses bend edges
@@ -15,6 +15,7 @@ LEAST_HEIGHT = 6.0   # DN, half of the difference between white and black
 WORST_FIT = 0.25     # residuals as a share of the height; seen on good corners: up to .1
 MOST_BLUR = 0.25     # of a square; a corner that is blurred more is none
 FARTHEST = 0.3       # squares between the start and the corner
+ALIAS = 0.06         # px, error of an edge along the pixels; seen in rendered images: .05 to .07
 LEAST_SIGMA = 0.006   # px; what the model itself leaves
 
 
@@ -74,8 +75,22 @@ def refined(gray, start, scale, black, gap=None):
         good = _good(found, start, scale, sign)
         start = np.where(good[:, None], found[:, :2], start)
     pixels = np.where(good[:, None], found[:, :2], np.nan)
-    sigma = np.where(good, np.maximum(np.sqrt(np.abs(found[:, COUNT])), LEAST_SIGMA), np.nan)
-    return good, pixels, sigma
+    variance = np.abs(found[:, COUNT]) + _aliasing(found, scale) + LEAST_SIGMA ** 2
+    return good, pixels, np.where(good, np.sqrt(variance), np.nan)
+
+
+def _aliasing(found, scale):
+    """
+    Return the variance of edges that meet the pixels in one phase only, px^2, float64 (n,).
+
+    An edge along a row or a column is sampled at one place of its profile, so that an error of the
+    profile moves it. Within a window that it crosses in more than one row, the error averages out.
+
+    """
+    length = np.minimum(2 * REACH * np.linalg.norm(scale, axis=1), 2 * LARGEST)
+    turned = (found[:, [ANGLE_1, ANGLE_2]] + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    phases = length * np.tan(np.abs(turned))
+    return 0.5 * ALIAS ** 2 * (np.sinc(np.minimum(phases, 1.0)) ** 2).sum(axis=1)
 
 
 def _good(found, start, scale, sign):

@@ -201,8 +201,8 @@ OPENCV = {'chessboard': {'cornerSubPix': _subpix, 'SB': _sector},
 
 def table(count, width=640, seed=0):
     """Return the lines of a table: RMS error, largest error, images, z68 of each method."""
-    lines = [f'{"board":12}{"tilt":8}{"method":14}{"RMS px":>8}{"max px":>8}'
-             f'{"found":>8}{"z68":>7}']
+    lines = [f'{"board":12}{"tilt":8}{"method":14}{"RMS px":>8}{"max px":>8}{"found":>8}'
+             f'{"z68":>7}']
     for (kind, name), tilts in CASES.items():
         if kind == 'charuco' and not is_available():
             continue
