@@ -82,8 +82,10 @@ def evaluate(values, x, y, seen, residual, jacobian):
 @part()
 def normal_equations(residual, jacobian, matrix, vector):
     """Write J^T J into matrix (10, 10) and J^T r into vector (10,)."""
-    matrix[:] = 0.0
-    vector[:] = 0.0
+    for j in range(COUNT):
+        vector[j] = 0.0
+        for k in range(COUNT):
+            matrix[j, k] = 0.0
     for i in range(residual.size):
         for j in range(COUNT):
             vector[j] += jacobian[i, j] * residual[i]
@@ -132,9 +134,11 @@ def solve(matrix, damping, vector, factor, solution):
 
 
 @part()
-def fit(values, x, y, seen, residual, jacobian, matrix, factor):
+def fit(values, x, y, seen, residual, jacobian, matrix, factor, rows):
     """
     Fit the model by the method of Levenberg and Marquardt; values (10,) are changed.
+
+    `rows`, float64 (5, 10), is room to work in.
 
     Returns
     -------
@@ -142,7 +146,7 @@ def fit(values, x, y, seen, residual, jacobian, matrix, factor):
         Sum of the squares of the residuals; NaN = the fit failed.
 
     """
-    vector, change, trial = np.empty(COUNT), np.empty(COUNT), np.empty(COUNT)
+    vector, change, trial = rows[0], rows[1], rows[2]
     cost = evaluate(values, x, y, seen, residual, jacobian)
     damping = 1e-2
     for _ in range(ROUNDS):
@@ -165,7 +169,8 @@ def fit(values, x, y, seen, residual, jacobian, matrix, factor):
             break
         moved = max(abs(trial[0] - values[0]), abs(trial[1] - values[1]))
         ended = moved < STEP and cost - new < 1e-6 * cost
-        values[:] = trial
+        for j in range(COUNT):
+            values[j] = trial[j]
         cost = new
         damping = max(damping * 0.1, 1e-9)
         if ended:
@@ -176,7 +181,7 @@ def fit(values, x, y, seen, residual, jacobian, matrix, factor):
 
 
 @part()
-def spread(x, y, residual, jacobian, matrix, factor, grid):
+def spread(x, y, residual, jacobian, matrix, factor, rows, grid):
     """
     Return the variance of the corner, px^2, the mean of both coordinates; NaN = unknown.
 
@@ -189,13 +194,16 @@ def spread(x, y, residual, jacobian, matrix, factor, grid):
         Zero; written.
 
     """
-    unit, row = np.zeros(COUNT), np.empty((2, COUNT))
+    unit, row = rows[0], rows[1:3]
     for axis in range(2):
-        unit[:] = 0.0
+        for j in range(COUNT):
+            unit[j] = 0.0
         unit[axis] = 1.0
         if not solve(matrix, 0.0, unit, factor, row[axis]):
             return np.nan
-    left, top = x.min(), y.min()
+    left, top = x[0], y[0]
+    for i in range(x.size):
+        left, top = min(left, x[i]), min(top, y[i])
     for i in range(x.size):
         for axis in range(2):
             influence = 0.0
@@ -271,7 +279,7 @@ def window(gray, middle, inverse, black, reach, gap, guard, box, x, y, seen, lev
 
     """
     count, blacks, whites = 0, 0, 0
-    levels[:] = 0.0
+    levels[0] = levels[1] = 0.0
     for row in range(box[2], box[3]):
         for column in range(box[0], box[1]):
             dx, dy = column - middle[0], row - middle[1]
@@ -295,7 +303,8 @@ def window(gray, middle, inverse, black, reach, gap, guard, box, x, y, seen, lev
 @part()
 def begin(values, middle, inverse, black, levels):
     """Write the parameters (10,) at which a fit begins."""
-    values[:] = 0.0
+    for j in range(COUNT):
+        values[j] = 0.0
     values[CENTER_X], values[CENTER_Y] = middle[0], middle[1]
     # Along the first edge the y of the board does not change, along the second one its x.
     values[ANGLE_1] = math.atan2(-inverse[1, 0], inverse[1, 1])
@@ -306,25 +315,28 @@ def begin(values, middle, inverse, black, levels):
 
 
 @part()
-def fit_corner(gray, middle, inverse, black, reach, gap, guard, largest, found):
-    """Fit one corner; `found` (12,) is a row of that of `fit_corners`, NaN before."""
+def fit_corner(gray, middle, inverse, black, reach, gap, guard, largest, pixels, table, squares,
+               rows, grid, found):
+    """
+    Fit one corner; `found` (12,) is a row of that of `fit_corners`, NaN before.
+
+    The other arrays are room to work in: float64 (4, p) and (p, 10) for the p pixels of the
+    largest window, (2, 10, 10), (5, 10), and `grid`, which is zero.
+
+    """
     left, top = max(0, int(middle[0]) - largest), max(0, int(middle[1]) - largest)
     right = min(gray.shape[1], int(middle[0]) + largest + 2)
     bottom = min(gray.shape[0], int(middle[1]) + largest + 2)
-    most = max(0, right - left) * max(0, bottom - top)
-    x, y, seen = np.empty(most), np.empty(most), np.empty(most)
-    levels = np.empty(2)
+    levels = rows[4, :2]
     count = window(gray, middle, inverse, black, reach, gap, guard, (left, right, top, bottom),
-                   x, y, seen, levels)
+                   pixels[0], pixels[1], pixels[2], levels)
     if count < 2 * COUNT or math.isnan(levels[0] + levels[1]):
         return
-    x, y, seen = x[:count], y[:count], seen[:count]
-    residual, jacobian = np.empty(count), np.empty((count, COUNT))
-    matrix, factor = np.empty((COUNT, COUNT)), np.zeros((COUNT, COUNT))
+    x, y, seen = pixels[0, :count], pixels[1, :count], pixels[2, :count]
+    residual, jacobian = pixels[3, :count], table[:count]
     begin(found, middle, inverse, black, levels)
-    cost = fit(found[:COUNT], x, y, seen, residual, jacobian, matrix, factor)
-    grid = np.zeros((bottom - top + 2 * LAG, right - left + 2 * LAG, 2))
-    found[COUNT] = spread(x, y, residual, jacobian, matrix, factor, grid)
+    cost = fit(found[:COUNT], x, y, seen, residual, jacobian, squares[0], squares[1], rows)
+    found[COUNT] = spread(x, y, residual, jacobian, squares[0], squares[1], rows, grid)
     found[COUNT + 1] = math.sqrt(cost / (count - COUNT))
 
 
@@ -350,7 +362,11 @@ def fit_corners(gray, start, inverse, black, reach, gap, guard, largest, found):
         the residuals (DN). NaN = no fit.
 
     """
+    side = 2 * largest + 2
     for corner in prange(start.shape[0]):
         found[corner] = np.nan
+        pixels, table = np.empty((4, side * side)), np.empty((side * side, COUNT))
+        squares, rows = np.zeros((2, COUNT, COUNT)), np.zeros((5, COUNT))
+        grid = np.zeros((side + 2 * LAG, side + 2 * LAG, 2))
         fit_corner(gray, start[corner], inverse[corner], black[corner], reach, gap, guard,
-                   largest, found[corner])
+                   largest, pixels, table, squares, rows, grid, found[corner])

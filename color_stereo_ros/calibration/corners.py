@@ -15,7 +15,7 @@ LEAST_HEIGHT = 6.0   # DN, half of the difference between white and black
 WORST_FIT = 0.25     # residuals as a share of the height; seen on good corners: up to .1
 MOST_BLUR = 0.25     # of a square; a corner that is blurred more is none
 FARTHEST = 0.3       # squares between the start and the corner
-LEAST_SIGMA = 0.01   # px; what the model itself leaves
+LEAST_SIGMA = 0.006   # px; what the model itself leaves
 
 
 def detection(board, gray, ids, start, scale, gap=None):
