@@ -10,6 +10,7 @@ where mrcal is installed:
 
 """
 
+from importlib.metadata import version
 import json
 from pathlib import Path
 import sys
@@ -36,7 +37,7 @@ def solve(path, output):
     with np.load(path) as data:
         for observations, start in zip(data['observations'], data['starts']):
             found.append(solved(mrcal, observations, start))
-    Path(output).write_text(json.dumps({'mrcal': mrcal.__version__, 'parameters': found},
+    Path(output).write_text(json.dumps({'mrcal': version('mrcal'), 'parameters': found},
                                        indent=1) + '\n')
 
 
@@ -60,7 +61,7 @@ def solved(mrcal, observations, start):
             observations.reshape(-1, ROWS, COLUMNS, 3)),
         indices_frame_camintrinsics_camextrinsics=indices, lensmodel='LENSMODEL_OPENCV5',
         imagersizes=np.array([[640, 480]] * 2, np.int32), calibration_object_spacing=SPACING,
-        calibration_object_warp=np.zeros(2), do_optimize_calobject_warp=True,
+        calobject_warp=np.zeros(2), do_optimize_calobject_warp=True,
         do_apply_outlier_rejection=False, do_apply_regularization=False)
     return np.concatenate([intrinsics.ravel(), extrinsics.ravel()]).tolist()
 
