@@ -43,7 +43,7 @@ def test_lengths_and_signals_have_units():
 
 def test_every_text_has_choices_with_the_default_among_them():
     for name, default, meta in DESCRIBED:
-        if isinstance(default, str):
+        if isinstance(default, str) and name != 'color.calibration':  # the name of a file
             assert default in meta['choices'], name
 
 
