@@ -16,7 +16,7 @@ import pytest
 
 CALIBRATION = some_calibration()
 RANGE = {'range.min_depth': 0.25, 'range.max_depth': 0.8}
-FIXED = {'pattern.width', 'pattern.height', 'matching.method', *RANGE}
+FIXED = {'pattern.width', 'pattern.height', 'matching.method', 'color.calibration', *RANGE}
 
 
 def choices():
