@@ -9,6 +9,7 @@ from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
 from ..core.cameras.lenses import LENSES
 from .board_model import BoardModel, State
 from .least_squares import inverse_information, view_informations
+from .rigid import exp
 from .views import SIDES
 
 SHARES = (0.4, 0.6, 0.85, 1.2)
@@ -327,8 +328,5 @@ def _tilted(rays, tilt, direction):
     right = np.cross([0.0, 1.0, 0.0], normal)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
     facing = np.stack([right, np.cross(normal, right), normal], axis=2)
-    x, y, zero = np.cos(direction), np.sin(direction), np.zeros(len(rays))
-    across = np.array([[zero, zero, y], [zero, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
-    sine, cosine = (each[:, None, None] for each in (np.sin(tilt), np.cos(tilt)))
-    # Rodrigues' formula
-    return facing @ (np.eye(3) + sine * across + (1 - cosine) * across @ across)
+    axis = np.stack([np.cos(direction), np.sin(direction), np.zeros(len(rays))], axis=1)
+    return facing @ exp(tilt[:, None] * axis)

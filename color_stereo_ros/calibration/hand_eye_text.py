@@ -2,8 +2,8 @@
 """A hand-eye calibration as text: for people, as YAML, and as a command that publishes it."""
 
 import numpy as np
-import yaml
 
+from ..files.yaml import yaml_text
 from .hand_eye import as_degrees, as_millimeters
 from .rigid import quaternions_of
 
@@ -30,7 +30,7 @@ def account(found):
     return '\n'.join(lines)
 
 
-def yaml_text(found, camera, parent, child, frame):
+def hand_eye_yaml(found, camera, parent, child, frame):
     """
     Return a HandEye as YAML.
 
@@ -63,7 +63,7 @@ def yaml_text(found, camera, parent, child, frame):
                        found.names, found.used, position, rotation)]}
     head = ('# X_parent = R X_camera + t; m, rad; the covariance is that of a small turn about '
             'the axes of\n# the parent and a small shift.\n')
-    return head + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=99)
+    return head + yaml_text(content)
 
 
 def static_transform(camera, parent, child):

@@ -16,12 +16,10 @@ import re
 
 import numpy as np
 
-import yaml
-
 from ..core.color_calibration import ColorCalibration, ColorCorrection, PEDESTAL, SATURATED
 from ..errors import CalibrationError
 from ..files.atomic import write_text
-from ..files.yaml import load_yaml, UnreadableError
+from ..files.yaml import load_yaml, UnreadableError, yaml_text
 
 FULL_SCALE = 255
 GAMMAS = 0.2, 5.0
@@ -64,8 +62,7 @@ class ProjectorResponse:
     def write(self, path, **options):
         """Write a YAML file, whole or not at all; options are those of `files.atomic`."""
         values = [round(value, 4) for value in self.gamma]
-        write_text(path, yaml.safe_dump({'projector_gamma': values}, default_flow_style=None),
-                   **options)
+        write_text(path, yaml_text({'projector_gamma': values}), **options)
 
     def corrected(self, image):
         """

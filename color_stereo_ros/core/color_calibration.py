@@ -18,11 +18,9 @@ import math
 import cv2
 import numpy as np
 
-import yaml
-
 from ..errors import CalibrationError
 from ..files.atomic import write_text
-from ..files.yaml import load_yaml, UnreadableError
+from ..files.yaml import load_yaml, UnreadableError, yaml_text
 from .color_kernels import correct_colors
 
 FULL_SCALE = 255
@@ -168,7 +166,7 @@ class ColorCalibration:
             camera = getattr(self, side)
             content[side] = {spec.name: _plain(getattr(camera, spec.name))
                              for spec in fields(camera)}
-        return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=99)
+        return yaml_text(content)
 
     def check(self, calibration):
         """

@@ -50,7 +50,7 @@ def run(args):
     import numpy as np
 
     from ...calibration.hand_eye import hand_eye, in_rectified
-    from ...calibration.hand_eye_text import account, static_transform, yaml_text
+    from ...calibration.hand_eye_text import account, hand_eye_yaml, static_transform
     from ...core import StereoCalibration
     from ...files.atomic import check_free, write_text
     from ..board_arguments import board_from
@@ -75,7 +75,7 @@ def run(args):
     camera = found.camera
     if args.frame == 'rectified':
         camera = in_rectified(camera, calibration)
-    write_text(args.output, yaml_text(found, camera, parent, args.camera, args.frame),
+    write_text(args.output, hand_eye_yaml(found, camera, parent, args.camera, args.frame),
                replace=args.overwrite)
     print(account(found))
     for doubt in found.doubts:

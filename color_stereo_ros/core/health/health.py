@@ -5,19 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..frozen import constant_array
 from ..rows.alignment import COUNT as TERMS
 from .drift import COUNT, NAMES, SHOWN, UNITS
 from .tuning import TUNING
 
 MILLIMETERS = 1000
 BLIND = 'drift of the calibration: not observable with this pattern, which shows no rows'
-
-
-def constant_array(values):
-    """Return a float64 array of its own that cannot be written."""
-    values = np.array(values, np.float64)
-    values.flags.writeable = False
-    return values
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,17 +19,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..frozen import constant_array
+
 PARAMETERS = ('focal_x', 'focal_y', 'skew', 'center_u', 'center_v', 'k1',
               'rotation_x', 'rotation_y', 'rotation_z',
               'translation_x', 'translation_y', 'translation_z')
 COUNT = len(PARAMETERS)
-
-
-def constant_array(values):
-    """Return a float64 array of its own that cannot be written."""
-    values = np.array(values, np.float64)
-    values.flags.writeable = False
-    return values
 
 
 @dataclass(frozen=True, eq=False)

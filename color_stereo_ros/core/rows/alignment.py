@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..frozen import constant_array
 from .tuning import TUNING
 
 NAMES = 'offset', 'roll', 'scale', 'x x', 'x y', 'y y', 'radial'
@@ -50,13 +51,6 @@ def terms(x, y, size):
     for at, values in enumerate((1, u, v, u * u, u * v, v * v, v * squares)):
         found[..., at] = values
     return found
-
-
-def _constant(values):
-    """Return a float64 array of its own that cannot be written."""
-    values = np.array(values, np.float64)
-    values.flags.writeable = False
-    return values
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +117,7 @@ class Alignment:
     def __post_init__(self):
         """Keep the arrays from being written."""
         for name in ('coefficients', 'covariance', 'applied'):
-            object.__setattr__(self, name, _constant(getattr(self, name)))
+            object.__setattr__(self, name, constant_array(getattr(self, name)))
 
     @classmethod
     def unknown(cls, size):

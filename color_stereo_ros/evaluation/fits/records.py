@@ -6,11 +6,11 @@ from pathlib import Path
 import subprocess
 
 import numpy as np
-import yaml
 
 from ... import __version__
 from ...core.surface.fitted import FittedModel, frozen, KEYS, load_model
 from ...files.atomic import write_text
+from ...files.yaml import yaml_text
 
 PACKAGES = 'numpy', 'numba', 'opencv-python-headless', 'mitsuba'
 CLOSE = 0.01  # fit and shipped value that differ by less are the same but for rounding
@@ -67,7 +67,7 @@ def versions():
 def write_model(path, model):
     """Write a model as a file that `load_model` reads."""
     content = {key: value for key, value in vars(model).items() if value or key in KEYS}
-    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=99)
+    text = yaml_text(content)
     write_text(path, '# SPDX-License-Identifier: Apache-2.0\n' + text)
 
 
