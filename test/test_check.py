@@ -2,6 +2,7 @@
 """`color_stereo check`: known planes, spheres and images give known figures and advice."""
 
 import json
+from pathlib import Path
 
 from color_stereo_ros.calibration.check_light import light_of
 from color_stereo_ros.calibration.check_report import check_page
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 from surface_pairs import BASELINE, FOCAL, plane, plane_pair, rig, surface_settings
 
+ROOT = Path(__file__).parents[1]
 WIDTH, HEIGHT = 320, 240
 
 
@@ -221,3 +223,14 @@ def test_the_command_checks_a_folder_and_writes_figures_and_a_page(folder, tmp_p
 def test_impossible_options_are_refused(folder, capsys, more, message):
     assert main(['check', str(folder), *more]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_recording_is_checked_by_its_own_calibration(tmp_path, capsys):
+    folder = ROOT / 'sample/solids_hue2d'
+    status = main(['check', str(folder / 'recording'), '--pairs', '1', '--config',
+                   str(folder / 'settings.yaml'), '--json', str(tmp_path / 'check.json'),
+                   '--matching.third_view', 'off'])
+    said = capsys.readouterr().out
+    assert status == 3 and 'The sensor is not in order' in said  # solids stand on the board
+    assert 'place of the board          450.0 mm' in said
+    assert json.loads((tmp_path / 'check.json').read_text())

@@ -2,7 +2,7 @@
 """`color_stereo check`: how good a sensor is, on a flat board or a sphere bar."""
 
 SUMMARY = 'check a sensor on a flat board or a sphere bar, and say what to change'
-NEEDS = ''
+NEEDS = 'with a recording or `--report` [tools]'
 POOR_STATUS = 3  # exit status where the sensor is not in order
 MOST = 20  # pairs; chosen: they tell the noise to 16 %
 
@@ -119,7 +119,7 @@ def _is_recording(path):
 def _recorded(args):
     """Return the calibration and the first pairs of a recording."""
     from ..core import RecordingError, StereoCalibration
-    from ..recordings.moments import pairs_of
+    from ..recordings.pairs import recorded_pairs
     from ..recordings.reading import Recording
     from .main import warn
     with Recording(args.images[0]) as recording:
@@ -138,8 +138,8 @@ def _recorded(args):
             calibration = StereoCalibration.from_camera_info(infos[topics.left_info],
                                                              infos[topics.right_info])
         pairs = []
-        for _, images in pairs_of(recording, topics, warn):
-            pairs.append(images())
+        for pair in recorded_pairs(recording, topics.left_image, topics.right_image, warn):
+            pairs.append((pair.left, pair.right))
             if len(pairs) == args.pairs:
                 break
     if not pairs:

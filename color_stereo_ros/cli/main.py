@@ -132,7 +132,7 @@ def _add_commands(parser, argv, package):
         name = module.replace('_', '-')
         subparser = subparsers.add_parser(
             name, help=summary, description=summary, allow_abbrev=False,
-            epilog=f'Needs the extras {needs[module]} of the package.' if needs[module] else None)
+            epilog=needs[module] and f'Extras of the package that it needs: {needs[module]}.')
         if name == chosen:
             _complete(subparser, argv[argv.index(name) + 1:], f'{package}.{module}')
     if chosen is not None and chosen not in subparsers.choices:

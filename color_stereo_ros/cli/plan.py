@@ -2,7 +2,7 @@
 """`color_stereo plan`: what a rig will measure, before it is built."""
 
 SUMMARY = 'tell what a rig will measure before it is built, and how to set it up'
-NEEDS = 'tools'
+NEEDS = 'with `--output` [tools]'
 
 COLUMNS = (('depth m', '{:9.3f}'), ('disparity px', '{:14.1f}'), ('matching mm', '{:13.3f}'),
            ('calibration mm', '{:16.3f}'), ('both mm', '{:9.3f}'), ('both see, m', '{:>15}'))

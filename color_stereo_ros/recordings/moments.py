@@ -1,17 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The moments of a recording at which a robot stands still, with image pairs and its pose."""
 
-from functools import partial
-
 import numpy as np
 
 from ..errors import ImageError, RecordingError
-from ..messages.decompressing import opened
-from ..messages.reading import image_to_rgb, stamp_ns
-from ..messages.synchronizer import Synchronizer
+from ..messages.pairs import rgb_pair
+from .pairs import pairs_of
 from .transforms import Transforms
 
-QUEUE = 20
 STILL_MOVE, STILL_TURN = 2e-4, 1e-3  # m, rad; chosen: twice the noise of a good robot
 SPAN = 150_000_000  # ns before and after the exposure; chosen: a robot that stops oscillates
 APART_MOVE, APART_TURN = 0.01, 0.03  # m, rad; chosen: a new pose for people
@@ -47,58 +43,21 @@ def still_moments(recording, base, flange, say):
     """
     transforms = Transforms(recording)
     transforms.check(base, flange)
-    taken = []
-    for stamp, images in pairs_of(recording, recording.stereo_topics(), say):
+    taken, topics = [], recording.stereo_topics()
+    for pair in pairs_of(recording, topics.left_image, topics.right_image, say):
+        pose = _still(transforms, base, flange, pair.stamp)
+        if pose is None or not all(_apart(pose, other) for other in taken):
+            continue
         try:
-            pose = _still(transforms, base, flange, stamp)
-            if pose is None or not all(_apart(pose, other) for other in taken):
-                continue
-            both = images()
-        except (ImageError, RecordingError) as error:
+            images = rgb_pair(pair)
+        except ImageError as error:
             say(str(error))
             continue
         taken.append(pose)
-        yield f'{stamp * 1e-9:.3f} s', both, pose
+        yield f'{pair.stamp * 1e-9:.3f} s', (images.left, images.right), pose
     if not taken:
         raise RecordingError(f'{recording.path}: at no pair of images the frame {flange!r} stands '
                              f'still in {base!r}; stop the robot for half a second at each pose')
-
-
-def pairs_of(recording, topics, say):
-    """
-    Yield the pairs of a recording.
-
-    Parameters
-    ----------
-    recording : Recording
-    topics : StereoTopics
-    say : callable
-        Takes a sentence about an image that cannot be read.
-
-    Yields
-    ------
-    stamp : int
-        Of the left image, ns.
-    images : callable
-        Returns both images, uint8 (H, W, 3), RGB, or raises ImageError.
-
-    """
-    synchronizer = Synchronizer(0.0, QUEUE, clock=lambda: 0.0)
-    for message in recording.messages({topics.left_image, topics.right_image}):
-        try:
-            content = recording.decoded(message)
-        except RecordingError as error:
-            say(str(error))
-            continue
-        side = 'left' if message.topic == topics.left_image else 'right'
-        pair = synchronizer.add(side, stamp_ns(content.header), content)
-        if pair is not None:
-            yield pair.stamp, partial(_images, pair)
-
-
-def _images(pair):
-    pair = opened(pair)
-    return image_to_rgb(pair.left), image_to_rgb(pair.right)
 
 
 def _still(transforms, base, flange, stamp):

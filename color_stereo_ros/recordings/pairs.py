@@ -9,9 +9,40 @@ from ..messages.synchronizer import Synchronizer
 QUEUE = 20  # images that wait for their partner
 
 
+def pairs_of(recording, left, right, say):
+    """
+    Yield the pairs of a recording as they are; `messages.pairs.rgb_pair` makes images of them.
+
+    Parameters
+    ----------
+    recording : Recording
+    left, right : str
+        Topics of the images, raw or compressed.
+    say : callable
+        Called with a sentence about a message that cannot be read; its pair is left out.
+
+    Yields
+    ------
+    pair : Pair
+        Of messages.
+
+    """
+    synchronizer = Synchronizer(queue_size=QUEUE, clock=lambda: 0.0)
+    for message in recording.messages({left, right}):
+        side = 'left' if message.topic == left else 'right'
+        try:
+            content = recording.decoded(message)
+        except RecordingError as error:
+            say(str(error))
+            continue
+        pair = synchronizer.add(side, stamp_ns(content.header), content)
+        if pair is not None:
+            yield pair
+
+
 def recorded_pairs(recording, left, right, say):
     """
-    Yield the pairs of a recording.
+    Yield the pairs of a recording as images.
 
     Parameters
     ----------
@@ -27,13 +58,8 @@ def recorded_pairs(recording, left, right, say):
         Of RGB images, uint8 (H, W, 3).
 
     """
-    synchronizer = Synchronizer(queue_size=QUEUE)
-    for message in recording.messages({left, right}):
-        side = 'left' if message.topic == left else 'right'
+    for pair in pairs_of(recording, left, right, say):
         try:
-            content = recording.decoded(message)
-            pair = synchronizer.add(side, stamp_ns(content.header), content)
-            if pair is not None:
-                yield rgb_pair(pair)
-        except (ImageError, RecordingError) as error:
+            yield rgb_pair(pair)
+        except ImageError as error:
             say(str(error))

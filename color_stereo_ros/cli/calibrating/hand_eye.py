@@ -2,7 +2,7 @@
 """`color_stereo calibrate hand-eye`: where the camera sits on the flange, or beside the robot."""
 
 SUMMARY = 'where the camera is on a robot, from views of a board and the poses of the flange'
-NEEDS = ''
+NEEDS = 'with a recording [tools]'
 FRAMES = 'physical', 'rectified'
 MOUNTINGS = 'eye-in-hand', 'eye-to-hand'
 MISSED = 0.5  # px; chosen: good corners miss by 0.1

@@ -2,7 +2,7 @@
 """`color_stereo calibrate update`: the calibration of cameras that have moved, as new files."""
 
 SUMMARY = 'write the calibration of cameras that have moved, as a new pair of files'
-NEEDS = ''
+NEEDS = 'with `--recording` [tools]'
 FILES = 'left.yaml', 'right.yaml'
 
 
