@@ -29,6 +29,7 @@ def pytest_configure(config):
                             'simulator, though its source does not show it')
     config.addinivalue_line('markers', 'long: takes seconds without any of these')
     config.stash[FIGURES] = []
+    config.option.loadscopereorder = False  # pytest-xdist would begin with files of many tests
     if config.getoption('quick'):
         lanes.keep_quick()
 
@@ -55,7 +56,8 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Choose the tests of the lane."""
+    """Put the tests of long files first; choose the tests of the lane."""
+    lanes.longest_first(items)
     if config.getoption('quick'):
         chosen = [item for item in items if is_quick(item)]
     elif config.getoption('proof'):

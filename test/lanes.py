@@ -19,6 +19,26 @@ ROS = {'rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifec
 SIMULATOR = {'mitsuba', 'color_stereo_ros.sim'}
 STARTERS = frozenset({'subprocess', 'multiprocessing'})
 FORBIDDEN_EVENTS = {'subprocess.Popen', 'os.fork', 'os.forkpty', 'os.posix_spawn', 'os.exec'}
+LONG_FILES = (
+    # The first process compiles the kernels of the surface method. The second one, which begins
+    # with the second file, needs others first: nothing is compiled twice.
+    'test_compiled', 'test_processes', 'test_ready_kernels', 'test_sim_light',
+    # Then by their time.
+    'test_node_faults', 'test_demo', 'test_replay_of_others', 'test_color_simulated',
+    'test_evaluation_report', 'test_rows', 'test_sim_boards', 'test_range_node', 'test_fits',
+    'test_surface_kernels', 'test_surface', 'test_unlike', 'test_third_view', 'test_extras',
+    'test_stamp', 'test_calibrate_live', 'test_lanes', 'test_pattern_node', 'test_account',
+    'test_whole_or_not_at_all', 'test_parts', 'test_bench', 'test_bands', 'test_package',
+    'test_paper', 'test_method_pictures', 'test_sim_rig_node', 'test_render', 'test_project',
+    'test_evaluation_methods', 'test_tuning', 'test_sim_truth', 'test_stress_light',
+    'test_capture', 'test_capture_clocks', 'test_capture_loop')
+"""Files of tests that run first: a long one that begins last leaves cores without work."""
+
+
+def longest_first(items):
+    """Sort tests: those of LONG_FILES first, in this order, then the others as they come."""
+    place = {name: index for index, name in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
 
 
 def is_slow_import(module):

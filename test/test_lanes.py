@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import lanes
 import proof
@@ -45,6 +46,16 @@ def test_the_quick_lane_refuses_what_is_not_quick(line, word):
     ('test_node_parts.py', True), ('test_sim_light.py', True)])
 def test_modules_that_import_ros_or_the_simulator_are_not_quick(name, slow):
     assert bool(lanes.slow_imports(HERE / name)) == slow
+
+
+def test_long_files_run_first_and_the_others_as_they_come():
+    assert len(set(lanes.LONG_FILES)) == len(lanes.LONG_FILES)
+    assert all((HERE / f'{name}.py').is_file() for name in lanes.LONG_FILES)
+    first, second = lanes.LONG_FILES[:2]
+    items = [SimpleNamespace(path=Path(f'{name}.py'), name=number) for number, name in enumerate(
+        ['test_b', second, 'test_a', first, second])]
+    lanes.longest_first(items)
+    assert [item.name for item in items] == [3, 1, 4, 0, 2]
 
 
 SOURCE = '''

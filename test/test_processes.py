@@ -19,6 +19,19 @@ SETTINGS = paper_settings(range__min_depth=0.5, range__max_depth=4.0)
 def measure(_=None):
     return ColorStereo(parallel_rig(), SETTINGS).process(*hue_pair(5.0)).density
 '''
+PAIR = MEASURE + 'print(measure())'
+KERNELS = '''
+import numpy as np
+from color_stereo_ros.core.color_kernels import correct_colors
+from color_stereo_ros.core.normal_kernels import read_planes
+image, zero, ones = np.full((8, 8, 3), 9, np.uint8), np.float32(0), np.ones((3, 256), np.float32)
+correct_colors(image, ones, np.ones((8, 8, 3), np.float32), np.eye(3, dtype=np.float32), 255, zero,
+               np.float32(255), np.uint8(255), image)
+planes = np.zeros((3, 6, 6), np.float32)
+read_planes(np.ones((8, 8), np.float32), 1, *planes)
+print(min(image.min(), planes[0, 1:5, 1:5].min()))
+'''
+"""A parallel kernel and one with a part; like PAIR it prints more than 0.5."""
 FORK = MEASURE + '''
 import multiprocessing
 fork = multiprocessing.get_context('fork')
@@ -81,9 +94,15 @@ def nowhere(tmp_path):
                       'NUMBA_CACHE_DIR': None, 'PYTHONDONTWRITEBYTECODE': '1'}
 
 
-def test_without_a_folder_for_compiled_kernels_one_line_says_so(nowhere):
+@pytest.fixture
+def use(effort):
+    """Return code that uses kernels: two, or at full length all that a pair needs."""
+    return PAIR if effort.full else KERNELS
+
+
+def test_without_a_folder_for_compiled_kernels_one_line_says_so(nowhere, use):
     package, environment = nowhere
-    ran = run(['-c', MEASURE + 'print(measure())'], package, **environment)
+    ran = run(['-c', use], package, **environment)
     assert ran.returncode == 0, ran.stderr
     assert float(ran.stdout) > 0.5
     assert ran.stderr.count('\n') == 1 and 'NUMBA_CACHE_DIR' in ran.stderr
@@ -110,16 +129,16 @@ def test_a_node_without_a_folder_for_compiled_kernels_says_so_and_goes_on(nowher
 def test_a_folder_that_numba_cache_dir_names_is_used(nowhere, tmp_path):
     package, environment = nowhere
     cache = tmp_path / 'kernels'
-    ran = run(['-c', MEASURE + 'print(measure())'], package,
-              **{**environment, 'NUMBA_CACHE_DIR': str(cache)})
+    ran = run(['-c', KERNELS], package, **{**environment, 'NUMBA_CACHE_DIR': str(cache)})
     assert ran.returncode == 0 and not ran.stderr
-    assert list(cache.rglob('*.nbc'))
+    for name in ('correct_colors', 'read_planes'):
+        assert list(cache.rglob(f'*{name}*.nbc')), name
 
 
-def test_a_full_disk_costs_the_cache_only(tmp_path):
+def test_a_full_disk_costs_the_cache_only(tmp_path, use):
     """A limit of the size of files: folders can be made, but nothing can be written."""
     limit = 'import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n'
-    ran = run(['-W', 'ignore', '-c', limit + MEASURE + 'print(measure())'],
+    ran = run(['-W', 'ignore', '-c', limit + use],
               NUMBA_CACHE_DIR=str(tmp_path / 'kernels'), PYTHONDONTWRITEBYTECODE='1')
     assert ran.returncode == 0, ran.stderr
     assert float(ran.stdout) > 0.5

@@ -110,7 +110,7 @@ def test_the_gamma_of_the_projector_is_corrected(display, project, tmp_path):
 
 
 def test_a_gray_level_fills_the_display_and_the_command_ends_in_time(display, project):
-    process = project('--level', 96, '--seconds', 20)
+    process = project('--level', 96, '--seconds', 8)
     display.wait_for(np.full((SIZE[1], SIZE[0], 3), 96, np.uint8), process)
     assert process.wait(PATIENCE) == 0
 

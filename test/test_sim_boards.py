@@ -6,6 +6,7 @@ from color_stereo_ros.evaluation.corners import facing, rig
 from color_stereo_ros.sim import load_scene, Renderer
 from color_stereo_ros.sim.board_kernels import board_means
 from color_stereo_ros.sim.boards import bent, board_camera, board_pair, board_view
+from color_stereo_ros.sim.electronics import expose, exposures_for
 
 import cv2
 import naive_corners
@@ -98,13 +99,14 @@ def test_the_renderer_shows_the_same_board():
          'position': [0, 0, 0.4], 'rotation': [20, 10, 5]}]})
     board = Board(kind, 7, 6, 0.016)
     white = np.full((480, 640, 3), 255, np.uint8)
-    rendering = Renderer(scene, samples=4, indirect=False).render(white, with_truth=False)
     camera = scene.rig.left
+    light = Renderer(scene, samples=4, indirect=False).radiance(camera, white)
+    image = expose(light, camera, *exposures_for([light], [camera]), seed=0)
     place = scene.objects[0].pose
     local = place.to_parent(board.corners - (board.size_m[0] / 2, board.size_m[1] / 2, 0.0))
     seen = camera.pose.to_child(local)
     pixels = np.column_stack(camera.pixels(camera.lens.distort(seen[:, :2] / seen[:, 2:],
                                                                camera.D)))
-    found = board.detect(cv2.cvtColor(rendering.left_rgb, cv2.COLOR_RGB2GRAY))
+    found = board.detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
     assert len(found) == len(board.ids)
     assert np.sqrt(((found.pixels - pixels) ** 2).mean()) < 0.05
