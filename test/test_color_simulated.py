@@ -20,9 +20,9 @@ SCENES = 'flat_350', 'solids'
 class Film:
     """The light of a scene under some frames, and what cameras make of it."""
 
-    def __init__(self, name, frames):
+    def __init__(self, name, frames, samples):
         self.scene = load_scene(name)
-        renderer = Renderer(self.scene, samples=2, indirect=False)
+        renderer = Renderer(self.scene, samples=samples, indirect=False)
         self.cameras = self.scene.rig.left, self.scene.rig.right
         settings = PatternSettings()
         self.light = {frame: [renderer.radiance(camera, make_frame(frame, settings))
@@ -51,10 +51,10 @@ class Film:
 
 
 @pytest.fixture(scope='module')
-def films():
+def films(effort):
     """Return the films of the scenes, by name; that of the card has all frames."""
-    return {name: Film(name, ('pattern', *FRAMES) if name == SCENES[0] else ('pattern',))
-            for name in SCENES}
+    return {name: Film(name, ('pattern', *FRAMES) if name == SCENES[0] else ('pattern',),
+                       effort.count(1, 2)) for name in SCENES}
 
 
 @pytest.fixture(scope='module')
