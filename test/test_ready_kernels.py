@@ -42,7 +42,7 @@ def all_settings(method, first=0, step=1):
     """
     Return sets of changes: none, each alone, and all pairs of what switches or chooses.
 
-    With a step, every so manieth pair from the first on.
+    Of the pairs only every `step`-th one, from number `first` on.
 
     """
     switches = [each for each in choices() if isinstance(each[1], (bool, str))]
