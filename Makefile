@@ -3,7 +3,7 @@
 
 PYTHON_RUN := .venv/bin/python
 COLOR_STEREO := .venv/bin/color_stereo
-# One process per core, four at most; the tests of a module stay together and share its fixtures.
+# One process more than cores, four at most; the tests of a module stay together and share its fixtures.
 ON_ALL_CORES := --numprocesses auto --maxprocesses 4 --dist loadfile
 
 # Nothing that runs here is meant to be seen by, or to see, another machine.

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What holds for all tests: nodes end, and the lanes quick and proof choose among the tests."""
 
+import os
 import signal
 import sys
 
@@ -32,6 +33,12 @@ def pytest_configure(config):
     config.option.loadscopereorder = False  # pytest-xdist would begin with files of many tests
     if config.getoption('quick'):
         lanes.keep_quick()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers():
+    """Return one process more than cores: the tests of nodes wait for much of their time."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 def give_children_their_signals():

@@ -20,18 +20,18 @@ SIMULATOR = {'mitsuba', 'color_stereo_ros.sim'}
 STARTERS = frozenset({'subprocess', 'multiprocessing'})
 FORBIDDEN_EVENTS = {'subprocess.Popen', 'os.fork', 'os.forkpty', 'os.posix_spawn', 'os.exec'}
 LONG_FILES = (
-    # The first process compiles the kernels of the surface method. The second one, which begins
-    # with the second file, needs others first: nothing is compiled twice.
-    'test_compiled', 'test_processes', 'test_ready_kernels', 'test_sim_light',
+    # The first process compiles the kernels of the surface method. Those that begin with the next
+    # files need others, or a cache of their own: nothing is compiled twice at the same time.
+    'test_compiled', 'test_processes', 'test_sim_light', 'test_stamp', 'test_lanes',
+    'test_node_faults', 'test_ready_kernels',
     # Then by their time.
-    'test_node_faults', 'test_demo', 'test_replay_of_others', 'test_color_simulated',
-    'test_evaluation_report', 'test_rows', 'test_sim_boards', 'test_range_node', 'test_fits',
-    'test_surface_kernels', 'test_surface', 'test_unlike', 'test_third_view', 'test_extras',
-    'test_stamp', 'test_calibrate_live', 'test_lanes', 'test_pattern_node', 'test_account',
-    'test_whole_or_not_at_all', 'test_parts', 'test_bench', 'test_bands', 'test_package',
-    'test_paper', 'test_method_pictures', 'test_sim_rig_node', 'test_render', 'test_project',
-    'test_evaluation_methods', 'test_tuning', 'test_sim_truth', 'test_stress_light',
-    'test_capture', 'test_capture_clocks', 'test_capture_loop')
+    'test_demo', 'test_replay_of_others', 'test_color_simulated', 'test_evaluation_report',
+    'test_rows', 'test_sim_boards', 'test_range_node', 'test_fits', 'test_surface_kernels',
+    'test_surface', 'test_unlike', 'test_third_view', 'test_extras', 'test_calibrate_live',
+    'test_pattern_node', 'test_account', 'test_whole_or_not_at_all', 'test_parts', 'test_bench',
+    'test_bands', 'test_package', 'test_paper', 'test_method_pictures', 'test_sim_rig_node',
+    'test_render', 'test_project', 'test_evaluation_methods', 'test_tuning', 'test_sim_truth',
+    'test_stress_light', 'test_capture', 'test_capture_clocks', 'test_capture_loop')
 """Files of tests that run first: a long one that begins last leaves cores without work."""
 
 
