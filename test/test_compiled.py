@@ -2,7 +2,6 @@
 """One door to numba: what happens where numba is not as known, or not there."""
 
 import ast
-import json
 import os
 from pathlib import Path
 import re
@@ -24,11 +23,6 @@ PACKAGE = FOLDER.parent / 'color_stereo_ros'
 CACHE = FOLDER.parent / '.numba_cache' / 'broken'
 """Kept from run to run, apart from the usual one: what is there need not be compiled."""
 
-EVERY_STAGE = {'matching__third_view': 'off'}
-"""Settings with half of the kernels, compiled in about a minute."""
-FEW_STAGES = {**EVERY_STAGE, 'matching__row_alignment': 'off', 'matching__propagation': False}
-"""Settings with the kernels of every kind, compiled in half of the time."""
-
 BREAK = '''
 import sys
 import numba
@@ -47,13 +41,12 @@ def changed(place, name):
     setattr(place, name, refusing)
 '''
 MEASURE = '''
-import json
 import sys
 import numpy as np
 from surface_pairs import plane_pair, rig, surface_settings
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.compiled import decorators, plain
-sensor = ColorStereo(rig(160, 96), surface_settings(4, 40, **json.loads(sys.argv[2])))
+sensor = ColorStereo(rig(160, 96), surface_settings(4, 40, matching__third_view='off'))
 result = sensor.process(*plane_pair(160, 96, 12.25))
 np.savez(sys.argv[1], disparity=result.disparity, status=result.status)
 print(decorators._WAY.chosen is plain)
@@ -98,25 +91,19 @@ def run(code, *args, **environment):
 
 
 @pytest.fixture(scope='module')
-def stages(effort):
-    """Return the settings with which a pair is measured."""
-    return EVERY_STAGE if effort.full else FEW_STAGES
-
-
-@pytest.fixture(scope='module')
-def usual(stages):
+def usual():
     """Return the result of the same pair as compiled the fast way."""
-    settings = surface_settings(4, 40, **stages)
+    settings = surface_settings(4, 40, matching__third_view='off')  # half of the kernels
     return ColorStereo(rig(160, 96), settings).process(*plane_pair(160, 96, 12.25))
 
 
 @pytest.mark.parametrize('what', BREAKS)
-def test_where_numba_has_changed_a_pair_is_measured_all_the_same(tmp_path, usual, stages, what):
+def test_where_numba_has_changed_a_pair_is_measured_all_the_same(tmp_path, usual, what):
     """Only the first case compiles for long: the others find its kernels in the cache."""
     for path in CACHE.rglob('*.nb?'):
         if '_plain' not in path.name:
             path.unlink()  # what is compiled already cannot fail to compile
-    ran = run(BREAK + BREAKS[what] + MEASURE, tmp_path / 'found.npz', json.dumps(stages),
+    ran = run(BREAK + BREAKS[what] + MEASURE, tmp_path / 'found.npz',
               NUMBA_CACHE_DIR=str(CACHE), NUMBA_OPT='1')
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout == 'True\n'
@@ -145,7 +132,7 @@ def test_a_release_that_was_not_tested_is_used_the_plain_way(version):
 
 
 def test_where_numba_is_as_known_nothing_is_said_and_the_fast_way_is_taken(tmp_path):
-    ran = run(MEASURE, tmp_path / 'found.npz', json.dumps(EVERY_STAGE))
+    ran = run(MEASURE, tmp_path / 'found.npz')
     assert (ran.returncode, ran.stdout, ran.stderr) == (0, 'False\n', '')
 
 
