@@ -26,6 +26,10 @@ _SILENCE_LEAST = _NS // 2
 """ns; a sender on a busy machine pauses for less."""
 _SILENCE = _NS
 """ns of silence after which nothing flows while the period is unknown."""
+_GAPS_OF_PATIENCE, _LONG_KEPT = 2, 64
+"""A pair has come alone where nothing has followed for so many of the longest recent gaps,"""
+_PATIENCE_MOST = 2 * _NS
+"""or for so long, ns: callers wait."""
 _SLACK = 5_000_000
 """ns by which two clocks may have drifted since the fastest pair came."""
 _CLOCK_SLACK = _NS // 4
@@ -92,6 +96,7 @@ class Flow:
         self._last = start
         self._stamp = None
         self._gaps = deque(maxlen=_GAPS_KEPT)  # (steady, ours), ns
+        self._recent = deque(maxlen=_LONG_KEPT)  # steady, ns
         self._firsts = deque(maxlen=_GAPS_KEPT)  # arrivals of all pairs, ns
 
     def see(self, arrival):
@@ -107,6 +112,7 @@ class Flow:
                arrival.moment.ours - before.moment.ours)
         if min(gap) >= 0:
             self._gaps.append(gap)
+            self._recent.append(gap[0])
 
     def _period(self, clock):
         """Return the median time between pairs, ns of the steady clock (0) or of ours (1)."""
@@ -129,9 +135,16 @@ class Flow:
         """Return whether pairs have flowed: what was a stream may only have paused."""
         return self._period(0) is not None
 
+    @property
+    def patience(self):
+        """Return for how long nothing follows a pair that is not of a stream, ns."""
+        gaps = _GAPS_OF_PATIENCE * max(self._recent, default=0)
+        return max(self.silence, _SILENCE, min(gaps, _PATIENCE_MOST))
+
     def end(self):
         """Forget the stream: a pair came alone."""
         self._gaps.clear()
+        self._recent.clear()
         self._stamp = None
 
     def forget_stamp(self):
@@ -273,6 +286,8 @@ class CaptureCalls:
 
         """
         over = [call for call in self.waiting if now - call.moment.steady >= timeout]
+        if any(call.first is not None for call in over):
+            self.flow.end()  # else a pair that comes alone would never answer in time
         self.waiting = [call for call in self.waiting if now - call.moment.steady < timeout]
         return over
 
@@ -303,7 +318,7 @@ class CaptureCalls:
 
         """
         found = self._open()
-        if not found or now - found[0].first.moment.steady < self.flow.silence:
+        if not found or now - found[0].first.moment.steady < self.flow.patience:
             return [], None
         self.flow.end()
         arrival = found[-1].first
