@@ -9,7 +9,7 @@ import numpy as np
 
 import pytest
 
-from ros_rig import calibration, DEPTH, DISPARITY, floats, scene, silent_rig, values_of
+from ros_rig import calibration, DISPARITY, scene, silent_rig, values_of
 
 from scenes import hue_pair
 
@@ -222,22 +222,3 @@ def test_another_pattern_is_warned_of_once_and_stays_in_the_diagnostics(rig):
     rig.diagnose(lambda p: 'cannot be read' in p['pattern'].message, 'bad text')
     rig.node.destroy_publisher(publisher)
     assert rig.process.text().count("'sine' is shown") == 1
-
-
-def test_calibrations_are_taken_without_images_and_before_the_images_behind_them(tmp_path):
-    def values():
-        return values_of(rig.diagnose(lambda parts: True, 'anything')['calibration'])
-
-    def sent_until(condition, what):
-        rig.spin_until(lambda: rig.send_infos() or condition(values()), what)
-
-    with silent_rig(tmp_path) as rig:
-        sent_until(lambda found: found['calibrations taken'] == '1', 'a calibration')
-        sent_until(lambda found: int(found['left camera_info received']) > 3, 'repetitions')
-        assert values()['calibrations taken'] == '1'
-        rig.calibration = calibration(baseline=0.12)
-        rig.listen(Image, 'depth/image')
-        rig.wait_for_publishers()
-        depth = floats(rig.first_output('depth/image'))
-        assert np.nanmedian(depth) == pytest.approx(2 * DEPTH, rel=0.01)
-        assert values()['calibrations taken'] == '2'

@@ -204,15 +204,6 @@ def test_an_unchanged_other_side_ends_the_wait(watch):
     assert watch.calibration.left.D[0] == 0.1
 
 
-def test_the_same_again_is_counted_and_ends_the_wait(watch):
-    watch.add_same('right')
-    assert watch.received == {'left': 1, 'right': 2} and len(watch.test_changes) == 1
-    watch.add('left', info_message(calibration().left, d=[0.1, 0, 0, 0, 0.0]))
-    assert watch.calibration is None
-    watch.add_same('right')
-    assert watch.calibration.left.D[0] == 0.1
-
-
 def test_a_silent_other_side_is_not_awaited_for_ever(watch):
     watch.add('left', info_message(calibration().left, d=[0.1, 0, 0, 0, 0.0]))
     watch.tick()

@@ -48,18 +48,12 @@ class CalibrationWatch:
 
     def add(self, side, info):
         """Take a CameraInfo of the left or the right camera."""
+        self.received[side] += 1
         content = _content(info)
-        if content == self._contents[side]:
-            self.add_same(side)
-            return
-        self.received[side] += 1
-        self._infos[side], self._contents[side] = info, content
-        self._start_over(side)
-
-    def add_same(self, side):
-        """Take a CameraInfo that says the same as the one before it."""
-        self.received[side] += 1
-        if self._settling and self._settling[0] == side:
+        if content != self._contents[side]:
+            self._infos[side], self._contents[side] = info, content
+            self._start_over(side)
+        elif self._settling and self._settling[0] == side:
             self._settle()
 
     def tick(self):

@@ -3,7 +3,6 @@
 
 import time
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSDurabilityPolicy, QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -37,15 +36,12 @@ class FollowingSubscription:
     parameters : NodeParameters
     raw : bool
         Hand over the bytes of a message as they come.
-    polled : bool
-        Of a raw one: whoever calls `take_waiting` takes what has come, and no executor wakes for
-        it, which takes a third of a millisecond. Where rclpy does not allow it, nothing changes.
 
     """
 
-    def __init__(self, node, kind, topic, callback, parameters, raw=False, polled=False):
+    def __init__(self, node, kind, topic, callback, parameters, raw=False):
         self._node, self._kind, self._topic, self._callback = node, kind, topic, callback
-        self._raw, self._group = raw, _Polled() if polled else None
+        self._raw = raw
         self.name = node.resolve_topic_name(topic)
         self.mismatch = None
         """The QoS policy that keeps a publisher away, or None."""
@@ -60,25 +56,11 @@ class FollowingSubscription:
         self._subscription = self._create(QoSOverridingOptions(policies))
 
     def _create(self, options=None):
-        created = self._node.create_subscription(
+        return self._node.create_subscription(
             self._kind, self._topic, self._take_bytes if self._raw else self._callback,
-            self._profile, raw=self._raw, callback_group=self._group,
+            self._profile, raw=self._raw,
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=options)
-        if self._group is not None:
-            self._group.open = not hasattr(created.handle, 'take_message')
-        return created
-
-    def take_waiting(self):
-        """Take the messages that have come, if it is polled; from the executor's thread."""
-        if self._group is None or self._group.open:
-            return
-        for _ in range(self._profile.depth):
-            with self._subscription.handle:
-                found = self._subscription.handle.take_message(self._kind, True)
-            if found is None:
-                return
-            self._take_bytes(*found)
 
     def _take_bytes(self, data, info):
         self._callback(data, received_at(info['received_timestamp']))
@@ -105,7 +87,6 @@ class FollowingSubscription:
 
     def follow(self):
         """Become what the publishers offer; call it from the executor's thread now and then."""
-        self.take_waiting()
         publishers = self._node.get_publishers_info_by_topic(self.name)
         self.publishers = [_name(info) for info in publishers]
         profiles = [info.qos_profile for info in publishers]
@@ -127,23 +108,6 @@ class FollowingSubscription:
     def destroy(self):
         """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
-
-
-class _Polled(CallbackGroup):
-    """Hides a subscription from executors unless it is `open`."""
-
-    open = False
-
-    def can_execute(self, entity):
-        """Return whether an executor may take a message."""
-        return self.open
-
-    def beginning_execution(self, entity):
-        """Return the same."""
-        return self.open
-
-    def ending_execution(self, entity):
-        """Do nothing."""
 
 
 class _Sizes:

@@ -19,8 +19,6 @@ from ..complaints import Complaints
 from ..following import FollowingSubscription
 
 _COMPRESSED = '/compressed'
-_CDR_HEADER, _AFTER_STAMP = 4, 12
-"""Bytes of a message until its stamp begins and until it has ended."""
 _TRANSPORTS = 'compressed', 'theora', 'ffmpeg', 'zstd'
 
 
@@ -61,7 +59,6 @@ class StereoInputs:
         self.color_doubts = {}
         """What is odd about the color of the latest compressed image, by side."""
         self._parameters = parameters
-        self._info_bytes = {}  # those of the latest camera_info without its stamp, by side
         self.images = {side: self._subscribe_image(side) for side in SIDES}
         self._infos = {side: self._subscribe_info(side) for side in SIDES}
         self.shared = []
@@ -81,17 +78,8 @@ class StereoInputs:
 
     def _subscribe_info(self, side):
         return FollowingSubscription(self._node, CameraInfo, f'{side}/camera_info',
-                                     partial(self._take_info, side), self._parameters, raw=True,
-                                     polled=True)
-
-    def _take_info(self, side, data, _):
-        # most are the same but for the stamp: to make a message of one takes a third of its time
-        content = bytes(data[:_CDR_HEADER]), bytes(data[_AFTER_STAMP:])
-        if content == self._info_bytes.get(side):
-            self.calibration.add_same(side)
-            return
-        self.calibration.add(side, deserialize_message(data, CameraInfo))
-        self._info_bytes[side] = content
+                                     lambda msg: self.calibration.add(side, msg),
+                                     self._parameters)
 
     def _subscribe_image(self, side):
         # images are read from their bytes: rclpy's conversion holds the interpreter for 1 ms each
@@ -131,8 +119,6 @@ class StereoInputs:
         self._complain(text)
 
     def _take(self, side, msg, received):
-        for info in self._infos.values():
-            info.take_waiting()
         self._refusals.pop(side, None)
         self._look_at_header(side, msg)
         stamp = stamp_ns(msg.header)
