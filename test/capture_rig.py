@@ -54,6 +54,16 @@ class Cameras:
         wall = time.time_ns()
         self._on_the_way.append((time.monotonic() + self._delay, wall, self._stamp(wall)))
 
+    def pause(self, seconds):
+        """Expose nothing for a while; `go_on` ends it."""
+        self._kept, self._period = self._period, 0
+        self._rig.spin(seconds)
+
+    def go_on(self):
+        """Expose at once, and with the period from now on."""
+        self.expose()
+        self._period, self._next = self._kept, time.monotonic() + self._kept
+
     def close(self):
         """Stop."""
         self._rig.node.destroy_timer(self._timer)

@@ -39,6 +39,8 @@ class World:
     """Share of the pairs that come half a second late and hold up those behind them."""
     trigger_after: float = 0.02
     """s from a call to the exposure that it triggers."""
+    tick: float = 0.05
+    """s between two looks at calls whose pair has come alone."""
 
     def __post_init__(self):
         self.random = Random(self.seed)
@@ -49,6 +51,7 @@ class World:
         self.failed = []
         """Calls that were given up."""
         self._events, self._order, self._last_arrival = [], count(), 0
+        self._at(self.tick * NS, self._look)
         if self.period:
             self._at(self.random.random() * self.period * NS, self._expose)
 
@@ -76,9 +79,26 @@ class World:
         self.now = end
         self.failed += self.calls.expired(self.now, seconds(5.0))
 
+    def _look(self):
+        answered, arrival = self.calls.alone(self.now)
+        if answered:
+            self._note(answered, arrival)
+        self._at(self.now + self.tick * NS, self._look)
+
     def _expose(self):
-        self.expose()
-        self._at(self.now + self.period * NS, self._expose)
+        if self.period:
+            self.expose()
+            self._at(self.now + self.period * NS, self._expose)
+
+    def pause(self, length):
+        """Expose nothing for so long, s; a pair that is exposed is still under way."""
+        period, self.period = self.period, 0
+        self.run(max(length, period))
+        self.period = period
+
+    def go_on(self):
+        """Expose at once, and from now on."""
+        self._expose()
 
     def expose(self):
         """Take a pair now."""

@@ -4,7 +4,7 @@
 from capture_world import EPOCH, Loop, NS, seconds, World
 
 from color_stereo_ros.messages.capture_calls import Arrival, Basis, Call, CaptureCalls, Flow
-from color_stereo_ros.messages.clock_relation import ClockRelation, Moment
+from color_stereo_ros.messages.clock_relation import both_clocks, ClockRelation, Moment
 
 import pytest
 
@@ -98,11 +98,10 @@ def test_pairs_that_are_held_up_are_not_taken_for_newer_ones(effort, figures, cl
 
 
 @pytest.mark.parametrize('clock', TRIGGERED)
-def test_a_stream_that_becomes_a_trigger_after_two_periods_is_answered_at_once(clock):
+def test_a_stream_that_becomes_a_trigger_after_two_periods_is_answered(clock):
     world = World(3, **CLOCKS[clock])
     world.run(4.0)
-    world._events.clear()  # the stream ends
-    world.period = 0
+    world.period = 0  # the stream ends
     world.run(0.65)
     for _ in range(20):
         world.call()
@@ -111,6 +110,107 @@ def test_a_stream_that_becomes_a_trigger_after_two_periods_is_answered_at_once(c
     believed = clock in ("the node's", 'wall clock is set')
     assert {call.basis for call, _, _ in world.answers} == {
         Basis.STAMP if believed else Basis.FIRST}
+    assert max(world.waits()) < 1.15  # once: its first pair might be of a stream that goes on
+    assert max(world.waits()[4:]) < 0.15
+
+
+@pytest.mark.parametrize('clock', CLOCKS)
+@pytest.mark.parametrize('pause', [0.6, 2.0, 15.0])
+def test_a_stream_that_pauses_and_goes_on_is_still_a_stream(effort, figures, pause, clock):
+    lies, failed, count = [], [], 0
+    for seed in effort.seeds(3, 200):
+        world = World(seed, period=0.04, **CLOCKS[clock])
+        world.run(3.0)
+        for _ in range(4):
+            world.pause(pause)
+            world.go_on()
+            world.run(world.random.random() * world.delay)
+            world.call()
+            world.run(1.5)
+        world.run(6.0)
+        lies += world.lies()
+        failed += world.failed
+        count += len(world.answers)
+    figures(f'capture, {clock}, called as a stream goes on after {pause} s: pairs from before '
+            'the call', len(lies), 'pairs', over=count, at_most=0)
+    assert not failed
+
+
+@pytest.mark.parametrize('clock', ['TAI', 'behind 1 s', 'zero'])
+def test_pauses_of_a_busy_machine_follow_each_other(effort, figures, clock):
+    lies, count = [], 0
+    for seed in effort.seeds(5, 200):
+        world = World(seed, period=0.04, **CLOCKS[clock])
+        world.run(3.0)
+        for _ in range(3):
+            for _ in range(4):  # long ones are a habit
+                world.pause(0.4 + 0.6 * world.random.random())
+                world.go_on()
+                world.run(0.2)
+            world.pause(0.7)
+            world.go_on()
+            world.run(world.random.random() * world.delay)
+            world.call()
+            world.pause(0.7)  # no second pair comes for long
+            world.go_on()
+            world.run(3.0)
+        lies += world.lies()
+        count += len(world.answers)
+    figures(f'capture, {clock}, pauses that follow each other: pairs from before the call',
+            len(lies), 'pairs', over=count, at_most=0)
+
+
+def test_a_pair_alone_answers_the_next_call_where_there_is_no_time_to_wait():
+    calls = CaptureCalls(moment(0))
+    for number in range(20):
+        calls.add(pair(1 + 0.1 * number, stamp=EPOCH + seconds(38 + 0.1 * number)))
+    late = Call(moment(5.0))
+    calls.call(late)
+    assert calls.add(pair(5.05, stamp=EPOCH + seconds(42.04))) == []
+    assert calls.alone(seconds(5.2)) == ([], None)
+    assert calls.expired(seconds(5.3), seconds(0.3)) == [late]
+    following = Call(moment(7.0))
+    calls.call(following)
+    assert calls.add(pair(7.05, stamp=EPOCH + seconds(44.04))) == [following]
+    assert following.basis is Basis.FIRST
+
+
+@pytest.mark.parametrize('clock', ['TAI', 'behind 1 s', 'power-on', 'zero'])
+def test_a_camera_that_starts_again_is_a_stream_again(clock):
+    world = World(5, period=0.04, **CLOCKS[clock])
+    world.run(3.0)
+    for number in range(6):
+        world.pause(1.0)
+        started, kept = world.now, world.stamp
+        world.stamp = lambda truth, wall: NS + truth - started  # its clock begins anew
+        world.go_on()
+        world.run(0.02)
+        world.call()
+        world.run(1.5)
+        world.stamp = kept
+    assert not world.lies() and not world.failed and len(world.answers) == 6
+
+
+def test_a_burst_of_calls_and_pairs_after_a_stream_is_answered():
+    world = World(3, **CLOCKS['TAI'])
+    world.run(4.0)
+    world.period = 0
+    world.run(1.0)
+    for _ in range(5):  # the pairs of the last ones come after the last call
+        world.call()
+        world.run(0.01)
+    world.run(3.0)
+    assert not world.failed and len(world.answers) == 5 and max(world.waits()) < 2.3
+
+
+def test_clocks_are_read_again_where_the_thread_was_interrupted():
+    steady, node = iter((0, 200_000_000, 200_000_001, 200_000_009)), iter((200_000_000, 7))
+    assert both_clocks(lambda: next(node), lambda: next(steady)) == (200_000_001, 7)
+
+
+def test_the_reading_of_the_clocks_that_took_least_counts():
+    steady = iter((0, 9_000_000, 10, 5_000_010, 20, 6_000_020, 30, 7_000_030, 40, 8_000_040))
+    assert both_clocks(lambda: 3, lambda: next(steady)) == (10, 3)
 
 
 def moment(at):

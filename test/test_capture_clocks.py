@@ -51,6 +51,19 @@ def test_a_stream_is_captured_after_the_call(rig, effort, figures, relation):
     judge(figures, relation, outcomes)
 
 
+@pytest.mark.parametrize('relation', ['behind 1 s', 'zero'])
+def test_a_stream_that_goes_on_after_a_pause_is_captured_after_the_call(
+        rig, effort, figures, relation):
+    outcomes = []
+    with cameras(rig, RELATIONS[relation]) as found:
+        for _ in range(effort.count(3, 200)):
+            rig.spin(0.5)
+            found.pause(0.8)
+            found.go_on()  # this pair is under way when the call is made
+            outcomes.append(captured(rig))
+    judge(figures, f'{relation}, after a pause', outcomes)
+
+
 @pytest.mark.parametrize('relation', RELATIONS)
 def test_one_pair_comes_after_the_call_and_answers_it(rig, effort, figures, relation):
     outcomes = []

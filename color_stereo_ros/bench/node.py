@@ -30,7 +30,7 @@ PARTS = {'executor': r'python.*', 'measuring and publishing': 'color_stereo',
 """What threads of the node do, and the pattern of their names."""
 
 
-def measured(folder, rates, seconds, environment=None, topic='points'):
+def measured(folder, rates, seconds, environment=None, topic='points', third_view='off'):
     """
     Return what `main` measures in a new process with a ROS domain of its own.
 
@@ -45,6 +45,8 @@ def measured(folder, rates, seconds, environment=None, topic='points'):
     environment : dict, optional
     topic : str
         Of the output that is listened to, `points` or `depth/image`.
+    third_view : str
+        The parameter matching.third_view.
 
     Returns
     -------
@@ -56,7 +58,8 @@ def measured(folder, rates, seconds, environment=None, topic='points'):
         (see `reference_time`) and the node's own `p50_ms`, `p99_ms`, `dropped`.
 
     """
-    order = {'folder': str(folder), 'rates': list(rates), 'seconds': seconds, 'topic': topic}
+    order = {'folder': str(folder), 'rates': list(rates), 'seconds': seconds, 'topic': topic,
+             'third_view': third_view}
     ran = subprocess.run(
         [sys.executable, '-m', 'color_stereo_ros.bench.node', json.dumps(order)],
         stdout=subprocess.PIPE, text=True,
@@ -84,7 +87,7 @@ class Bench:
     node : rclpy.node.Node
     processes : Processes
     order : dict
-        `folder`, `rates`, `seconds`, `topic`; see `measured`.
+        `folder`, `rates`, `seconds`, `topic`, `third_view`; see `measured`.
 
     """
 
@@ -126,12 +129,13 @@ class Bench:
         return float(said[1]) - self._start * 1e-9
 
     def _parameters(self):
-        """Return the arguments that set the depth limits of the bench, for two views."""
+        """Return the arguments that set the depth limits of the bench, and its views."""
         from .scene import bench_settings, VGA
         calibration = self._cameras.calibration
         disparities = 128 * calibration.geometry.width // VGA[0]
         limits = bench_settings(calibration, disparities).range
-        return ('-p', 'matching.third_view:=off', '-p', f'range.min_depth:={limits.min_depth}',
+        return ('-p', f'matching.third_view:={self._order["third_view"]}',
+                '-p', f'range.min_depth:={limits.min_depth}',
                 '-p', f'range.max_depth:={limits.max_depth}')
 
     def _first(self):

@@ -16,7 +16,8 @@ from .times import Contender, cores
 BLOCK = re.compile(r'(<!-- bench: (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
 FULL = Contender('surface')
 NODE_RUNS = {'node': '`points`', 'node_profile': '`points`, `fastdds_shm.xml`',
-             'node_depth': '`depth/image`', 'node_double': '`depth/image`, 1280 x 960'}
+             'node_depth': '`depth/image`', 'node_third': '`depth/image`, third view',
+             'node_double': '`depth/image`, 1280 x 960'}
 """Runs of range_node, by their key among the figures."""
 
 

@@ -121,6 +121,8 @@ def _node(args, folder):
     found = {'starts': [node_measured(pair, [], 0.0) for _ in range(STARTS)],
              'node': node_measured(pair, RATES, args.seconds),
              'node_depth': node_measured(pair, RATES, args.seconds, topic='depth/image'),
+             'node_third': node_measured(pair, RATES, args.seconds, topic='depth/image',
+                                         third_view='automatic'),
              'node_double': node_measured(save_pair(Path(folder) / 'double', DOUBLE), RATES[:1],
                                           args.seconds, topic='depth/image')}
     if args.profile.is_file():

@@ -26,6 +26,10 @@ _SILENCE_LEAST = _NS // 2
 """ns; a sender on a busy machine pauses for less."""
 _SILENCE = _NS
 """ns of silence after which nothing flows while the period is unknown."""
+_GAPS_OF_PATIENCE, _LONG_KEPT = 2, 64
+"""A pair has come alone where nothing has followed for so many of the longest recent gaps,"""
+_PATIENCE_MOST = 2 * _NS
+"""or for so long, ns: callers wait."""
 _SLACK = 5_000_000
 """ns by which two clocks may have drifted since the fastest pair came."""
 _CLOCK_SLACK = _NS // 4
@@ -76,6 +80,8 @@ class Call:
     """Moments of the first and of the latest pair that came since, but did not count."""
     count: int = 0
     """Number of these pairs."""
+    first: Arrival | None = None
+    """The pair that answers it if none follows: whether a stream goes on with it is open."""
 
     def pass_over(self, arrival):
         """Take down a pair that does not count."""
@@ -90,6 +96,7 @@ class Flow:
         self._last = start
         self._stamp = None
         self._gaps = deque(maxlen=_GAPS_KEPT)  # (steady, ours), ns
+        self._recent = deque(maxlen=_LONG_KEPT)  # steady, ns
         self._firsts = deque(maxlen=_GAPS_KEPT)  # arrivals of all pairs, ns
 
     def see(self, arrival):
@@ -105,6 +112,7 @@ class Flow:
                arrival.moment.ours - before.moment.ours)
         if min(gap) >= 0:
             self._gaps.append(gap)
+            self._recent.append(gap[0])
 
     def _period(self, clock):
         """Return the median time between pairs, ns of the steady clock (0) or of ours (1)."""
@@ -112,11 +120,32 @@ class Flow:
             return None
         return median(gap[clock] for gap in self._gaps)
 
+    @property
+    def silence(self):
+        """Return for how long nothing comes where nothing flows, ns."""
+        period = self._period(0)
+        return _SILENCE if period is None else max(_PERIODS_OF_SILENCE * period, _SILENCE_LEAST)
+
     def is_on(self, steady):
         """Tell whether pairs flow at a moment: the last one came within two periods."""
-        period = self._period(0)
-        silence = _SILENCE if period is None else max(_PERIODS_OF_SILENCE * period, _SILENCE_LEAST)
-        return steady - self._last < silence
+        return steady - self._last < self.silence
+
+    @property
+    def has_been(self):
+        """Return whether pairs have flowed: what was a stream may only have paused."""
+        return self._period(0) is not None
+
+    @property
+    def patience(self):
+        """Return for how long nothing follows a pair that is not of a stream, ns."""
+        gaps = _GAPS_OF_PATIENCE * max(self._recent, default=0)
+        return max(self.silence, _SILENCE, min(gaps, _PATIENCE_MOST))
+
+    def end(self):
+        """Forget the stream: a pair came alone."""
+        self._gaps.clear()
+        self._recent.clear()
+        self._stamp = None
 
     def forget_stamp(self):
         """Forget what the next stamp is compared with: stamps have jumped."""
@@ -168,6 +197,7 @@ class CaptureCalls:
         self._seen = start
         self._before = self._last = None
         self._is_asked = True
+        self._is_called = False  # since the last pair
 
     @property
     def full(self):
@@ -196,6 +226,8 @@ class CaptureCalls:
         if not held and not self._is_asked and self._answers(call, self._last):
             self._is_asked = True
             return self._last
+        self._is_called = self._is_called or call.first is None
+        self._is_asked = self._is_asked or call.first is not None
         self._settle()
         self.waiting.append(call)
         return None
@@ -217,6 +249,9 @@ class CaptureCalls:
 
         """
         self._look(arrival.moment)
+        if not self._is_called and self._open():
+            self._go_on(arrival)
+        self._is_called = False
         self._settle()
         flows = self.flow.is_on(arrival.moment.steady)
         self._before, self._last, self._is_asked = self._last, arrival, held and not flows
@@ -232,7 +267,8 @@ class CaptureCalls:
             call.pass_over(arrival)
         flows = flows or self._goes_on(arrival) or any(
             call.basis is Basis.LEARNED for call in answered)
-        self._is_asked = bool(answered) and not flows
+        asked = answered or any(call.first is arrival for call in self.waiting)
+        self._is_asked = bool(asked) and not flows
         if answered or self.waiting:
             self._settle()
         return answered
@@ -250,8 +286,46 @@ class CaptureCalls:
 
         """
         over = [call for call in self.waiting if now - call.moment.steady >= timeout]
+        if any(call.first is not None for call in over):
+            self.flow.end()  # else a pair that comes alone would never answer in time
         self.waiting = [call for call in self.waiting if now - call.moment.steady < timeout]
         return over
+
+    def _open(self):
+        """Return the calls of which it is open whether a stream goes on."""
+        return [call for call in self.waiting if call.first is not None]
+
+    def _go_on(self, arrival):
+        """Count the last pair to the flow: one that nobody has asked for follows it."""
+        self._is_asked = False
+        for call in self._open():
+            call.first = arrival
+
+    def alone(self, now):
+        """
+        Remove and return the calls whose first pair came alone: no stream went on with it.
+
+        Parameters
+        ----------
+        now : int
+            ns of the steady clock.
+
+        Returns
+        -------
+        answered : list of Call
+        arrival : Arrival or None
+            The pair that answers them all, the first one after the latest of them.
+
+        """
+        found = self._open()
+        if not found or now - found[0].first.moment.steady < self.flow.patience:
+            return [], None
+        self.flow.end()
+        arrival = found[-1].first
+        for call in found:
+            call.first, call.basis = None, Basis.FIRST
+        self.waiting = [call for call in self.waiting if call.basis is None]
+        return found, arrival
 
     def rest(self, now):
         """Let go of the last pair if it is old, ns of the steady clock: no call will want it."""
@@ -299,7 +373,12 @@ class CaptureCalls:
         if flows:
             sure = late >= self.flow.delay(clock) and self._is_late_by_counting(call, clock)
             return Basis.LEARNED if sure else None
-        return Basis.FIRST if late >= -(_CLOCK_SLACK if clock else _SLACK) else None
+        if late < -(_CLOCK_SLACK if clock else _SLACK):
+            return None
+        if self.flow.has_been:
+            call.first = call.first or arrival
+            return None
+        return Basis.FIRST
 
     def _clock(self, arrival):
         """Return the clock that counts: 0 the steady one, 1 ours."""

@@ -15,6 +15,7 @@ held it up. It was exposed the least delay before.
 
 from collections import deque
 from dataclasses import dataclass
+import time
 
 import numpy as np
 
@@ -28,6 +29,8 @@ _BLOCK, _BLOCKS, _BLOCKS_NEEDED = 10 * _NS, 30, 4
 """The drift is the slope of the least lags of blocks of so many ns."""
 _TAI = 37.0
 """s by which TAI is ahead of UTC since 2017, until a leap second comes."""
+_READINGS, _AT_ONCE = 5, 100_000
+"""Clocks are read so often at most, until it takes less than so many ns."""
 _DEAD = 1_000
 """ns; the stamp of a clock that stands still, or of none, says nothing."""
 
@@ -52,6 +55,28 @@ class Moment:
     def ours(self):
         """Return the ns that lags are measured by: those of /clock where it is followed."""
         return self.node if self.follows_clock else self.steady
+
+
+def both_clocks(node, steady=time.monotonic_ns):
+    """
+    Return the steady clock and the node's, ns, read at the same moment.
+
+    A thread that loses its processor between the two would see the node's clock jump. The reading
+    that took least counts.
+
+    Parameters
+    ----------
+    node, steady : callable
+        Each returns ns.
+
+    """
+    readings = []
+    for _ in range(_READINGS):
+        before, present, after = steady(), node(), steady()
+        readings.append((after - before, before, present))
+        if after - before < _AT_ONCE:
+            break
+    return min(readings)[1:]
 
 
 class ClockRelation:

@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 
 from ...core.fusion import Fusion
 from ...messages.capture_calls import Arrival, Basis, Call, CaptureCalls
-from ...messages.clock_relation import Moment
+from ...messages.clock_relation import both_clocks, Moment
 from ..filling import message_of
 
 _NS = 1_000_000_000
@@ -88,7 +88,7 @@ class Capture:
     def _moment(self, steady=None):
         """Return a Moment of our clocks; hold the lock, so that they follow each other."""
         clock = self._node.get_clock()
-        present, node = time.monotonic_ns(), clock.now().nanoseconds
+        present, node = both_clocks(lambda: clock.now().nanoseconds)
         if clock.ros_time_is_active:
             return Moment(present if steady is None else round(steady * _NS), node, True)
         past = 0 if steady is None else present - round(steady * _NS)
@@ -129,7 +129,7 @@ class Capture:
             call = Call(self._moment(reply.received), done, sent=self._moment(reply.sent))
             arrival = self._calls.call(call, held=self._holds())
             if arrival is not None:
-                self._begin(call, arrival.pair)
+                self._begin([call], arrival.pair)
 
     def _look_at_time(self):
         """Give up what waits for longer than capture.timeout."""
@@ -137,6 +137,8 @@ class Capture:
         now = time.monotonic()
         with self._lock:
             self._calls.rest(round(now * _NS))
+            if not self._holds():
+                self._answer_by_pair_alone(round(now * _NS))
             calls = [] if self._holds() else self._calls.expired(round(now * _NS),
                                                                 round(timeout * _NS))
             late = [shot for shot in self._shots if self._is_over(shot, now, timeout)]
@@ -148,6 +150,11 @@ class Capture:
             begun = (f'only {shot.measured} of {shot.wanted} pairs have come: '
                      if shot.pending is None else '')
             self._finish(shot, Outcome(begun + self._sensor.why_no_result(timeout)))
+
+    def _answer_by_pair_alone(self, now):
+        calls, arrival = self._calls.alone(now)
+        if calls:
+            self._begin(calls, arrival.pair)
 
     def _is_over(self, shot, now, timeout):
         """Tell whether the next pair is overdue, or nothing can be measured yet."""
@@ -203,16 +210,17 @@ class Capture:
         self._shots.append(shot)
         return shot
 
-    def _begin(self, call, pair):
-        """Let the last pair answer a call that is taken after it; it may be measured already."""
+    def _begin(self, calls, pair):
+        """Let a pair that came before answer calls; it may be measured already."""
         wanted = self._sensor.settings.capture.pairs
         shot = next((shot for shot in self._shots if wanted == 1 and shot.awaits(pair)), None)
         if shot is not None:
-            shot.calls.append(call)
+            shot.calls += calls
         elif wanted == 1 and self.latest is not None and self.latest.pair is pair:
-            self._tell(call, self.latest)
+            for call in calls:
+                self._tell(call, self.latest)
         else:
-            self._expect([self._open([call])], pair)
+            self._expect([self._open(calls)], pair)
             if not self._sensor.streams or self._measured >= pair.arrival:
                 self._sensor.worker.submit(pair)  # else the worker has it already
 
