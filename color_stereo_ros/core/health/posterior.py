@@ -13,8 +13,6 @@ from .prior import drift_by_parameters
 from .tracking import covariance_of
 from .tuning import TUNING
 
-STEP = 1e-6  # rad or 1: parameters are smooth; rounding and curvature stay below 1e-8
-
 
 @dataclass(frozen=True, eq=False)
 class KnownDrift:
@@ -87,14 +85,15 @@ def corrected_covariance(calibration, covariance, known):
 
 def parameters_by_drift(calibration, drift):
     """Return how `StereoParameters.vector` moves with a drift about one, float64 (n, 6)."""
+    small = TUNING.prior.step
     ends = [[StereoParameters.from_calibration(corrected(calibration, drift + sign * step)).vector
-             for sign in (1, -1)] for step in STEP * np.eye(COUNT)]
-    return np.column_stack([(ahead - behind) / (2 * STEP) for ahead, behind in ends])
+             for sign in (1, -1)] for step in small * np.eye(COUNT)]
+    return np.column_stack([(ahead - behind) / (2 * small) for ahead, behind in ends])
 
 
 def _check_prior(known, std):
     """Refuse a drift that was measured with another idea of how exact the calibration is."""
-    if not np.allclose(known.prior_std, std, rtol=1e-5, atol=0):
+    if not np.allclose(known.prior_std, std, rtol=TUNING.prior.same, atol=0):
         raise CalibrationError(
             'the drift was measured with another covariance of the calibration, or without one; '
             'measure with health.covariance set to this file')

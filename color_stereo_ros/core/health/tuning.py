@@ -62,6 +62,12 @@ class PriorTuning(Constants):
     least_std: float = constant(
         1e-6, 'rad', 'Standard deviation that every number keeps.',
         derived('Far below all bounds; the covariance can be inverted.'))
+    step: float = constant(
+        1e-6, 'rad', 'Step of a drift for the derivatives of the parameters.',
+        derived('Rounding and curvature are both below 1e-8 of them.'))
+    same: float = constant(
+        1e-5, '1', 'Relative difference of two standard deviations that are the same.',
+        derived('More than text rounds.'))
 
 
 @dataclass(frozen=True)
