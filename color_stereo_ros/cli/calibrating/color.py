@@ -2,7 +2,7 @@
 """`color_stereo calibrate color`: the colors of both cameras, from images of a white card."""
 
 SUMMARY = 'measure the colors of both cameras from images of a white card under frames of light'
-NEEDS = ''
+NEEDS = 'with `--report` [tools]'
 
 
 def add_arguments(parser):
@@ -17,7 +17,9 @@ def add_arguments(parser):
                         help='camera_info files of the cameras, whose focal lengths are kept, so '
                         'that other cameras are refused; default: left.yaml and right.yaml of '
                         'the folder if they are there')
-    parser.add_argument('--overwrite', action='store_true', help='replace a file of that name')
+    parser.add_argument('--report', metavar='FILE', help='write a page with pictures, too: '
+                        'response, gain over the image, crosstalk, what it gains (extra [tools])')
+    parser.add_argument('--overwrite', action='store_true', help='replace files of these names')
 
 
 def run(args):
@@ -26,9 +28,10 @@ def run(args):
 
     from ...calibration.color import calibrate_color
     from ...calibration.frame_files import read_frames
-    from ...files.atomic import check_free
+    from ...files.atomic import check_free, write_text
     if not args.overwrite:
-        check_free(args.output)
+        for path in filter(None, (args.output, args.report)):
+            check_free(path)
     folder = Path(args.folder)
     left, right = (read_frames(folder, side) for side in ('left', 'right'))
     calibration = read_calibration(folder, args.calibration)
@@ -39,8 +42,14 @@ def run(args):
     findings = calibrate_color(left, right, focal)
     if calibration is not None:
         findings.calibration.check(calibration)
+    text, page = report(findings), None
+    if args.report:
+        from ...calibration.color_report import color_page
+        page = color_page(findings, text, f'{args.folder}: images of a white card')
     findings.calibration.write(args.output, replace=args.overwrite)
-    print(report(findings))
+    if page is not None:
+        write_text(args.report, page, replace=args.overwrite)
+    print(text)
     print(f'{args.output}: written; use it by color.calibration')
 
 
