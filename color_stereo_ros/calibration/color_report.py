@@ -96,7 +96,7 @@ def response_plot(calibration):
 def field_plot(camera):
     """Return the gain fields of the channels of a CameraColor, a picture."""
     drawing = Figure((8.4, 2.6))
-    values = PERCENT * (camera.field - 1)
+    values = PERCENT * (camera.gain_field - 1)
     limit = max(float(np.abs(values).max()), 0.1)
     all_axes = drawing.subplots(1, 3)
     for axes, name, ink, field in zip(all_axes, CHANNELS, INKS, np.moveaxis(values, -1, 0)):
