@@ -50,7 +50,7 @@ class Plane:
     rms_px: float
     """The same in disparity, px."""
     claim_ratio: float
-    """Of 68 % of the points: distance in disparity over the claimed standard deviation, at most."""
+    """68 % of the points are off by at most so many of their claimed standard deviations."""
     claimed_px: float
     """Median of the claimed standard deviations of the disparity, px."""
     claimed_wrong: float
@@ -155,7 +155,8 @@ def _described(result, plane, used, inside):
     return Plane(plane, inside, residual, _rms(distances), _rms(pixels),
                  float(np.percentile(np.abs(pixels) / spread_px, WITHIN)),
                  float(np.median(spread_px)), float(1 - result.confidence[answered].mean()),
-                 spread(distances), _rms(_block_means(residual)), float(answered.sum() / inside.sum()),
+                 spread(distances), _rms(_block_means(residual)),
+                 float(answered.sum() / inside.sum()),
                  float(1 - used.sum() / max(answered.sum(), 1)),
                  float(1e3 * (middle @ normal) / (ray @ normal)),
                  float(np.degrees(np.arccos(min(1.0, abs(normal[2]))))))

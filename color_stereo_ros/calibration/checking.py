@@ -29,7 +29,8 @@ SHAPE = 1.0, 2.0         # times the claim of a pixel; derived: the claim holds 
 WRONG = 2.0, 10.0        # times the share that the confidences say; chosen
 LEAST_WRONG = 0.001      # chosen: a smaller share is not judged
 RANGE = 5.94             # derived: 99.7 % of a normal distribution lie within 2.97 each side
-ROWS_PX = HEALTH.use.told_rows, ROWS_LIMIT  # where a drift is told; where a 2-D pattern loses density, measured
+# where a drift is told; where a 2-D pattern loses density, measured
+ROWS_PX = HEALTH.use.told_rows, ROWS_LIMIT
 # conventions
 BIAS_PERCENT = 0.1, 0.3
 DENSITY = 0.97, 0.85
@@ -170,7 +171,8 @@ def _about_plane(planes, result, distance, noise, figures):
     predicted = float(np.nanmedian(result.depth_std[planes[-1].inside]) * 1e3)
     figures.update(
         distance_mm=place, tilt_degrees=mean('tilt_degrees'), plane_rms_mm=rms,
-        plane_rms_px=rms_px, claimed_px=claimed, claim_ratio=ratio, claimed_wrong=wrong, flatness_measurement_error_mm=flatness, shape_rms_mm=shape,
+        plane_rms_px=rms_px, claimed_px=claimed, claim_ratio=ratio, claimed_wrong=wrong,
+        flatness_measurement_error_mm=flatness, shape_rms_mm=shape,
         density=density, outliers=outliers, predicted_noise_mm=predicted)
     found = [
         Finding('place of the board', f'{place:.1f} mm along the optical axis, tilted by '

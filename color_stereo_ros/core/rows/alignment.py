@@ -22,7 +22,7 @@ from .tuning import TUNING
 
 NAMES = 'offset', 'roll', 'scale', 'x x', 'x y', 'y y', 'radial'
 COUNT = len(NAMES)
-TURNS = 4
+TURNS = TUNING.estimate.turns
 """A pair is asked a share of its cells only: the errors of a cell come again in the next pair."""
 PLACES = (('top left', 'top', 'top right'), ('left', 'center', 'right'),
           ('bottom left', 'bottom', 'bottom right'))

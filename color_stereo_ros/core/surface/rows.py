@@ -101,7 +101,8 @@ class RowTracker:
         """Return the sums of all cells, over colors and brightness; see `measure`."""
         left, right, cells = views.left, views.right, self.cells
         row_cells(left.u, left.v, left.variance, right.u, right.v, right.variance, pair.matrix,
-                  planes.d, self.robust_misfit, pair.scale, *self.grid.nodes, self.turn % CELL_STEP, cells)
+                  planes.d, self.robust_misfit, pair.scale, *self.grid.nodes,
+                  self.turn % CELL_STEP, cells)
         if brightness is not None and brightness.active:
             (left, left_var), (right, right_var) = brightness.planes
             same = np.eye(2, 3, dtype=F4)
