@@ -847,11 +847,11 @@ def told_by_node(left, right, matrix, d, y, x, robust, scale):
     return chi, place, w * np.array([g @ g, g @ h, h @ h, g @ e, h @ e])
 
 
-def row_cells(left, right, matrix, d, robust, scale, rows, columns, shape):
+def row_cells(left, right, matrix, d, robust, scale, rows, columns, turn, shape):
     """Return what every cell tells of its rows; left, right are (u, v, var)."""
     out = np.zeros((*shape, 7))
     for line, column in nodes_of(shape):
-        top, first = CELL * line, CELL * (CELL_STEP * column + 2 * line % CELL_STEP)
+        top, first = CELL * line, CELL * (CELL_STEP * column + (turn + 2 * line) % CELL_STEP)
         told, structure = np.zeros(5), np.zeros(3)
         for y in range(PAD + top, PAD + min(top + CELL, rows)):
             for x in range(PAD + first, PAD + min(first + CELL, columns), NODE_STEP):

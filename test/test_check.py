@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo check`: known planes, spheres and images give known figures and advice."""
 
+from dataclasses import replace
 import json
 from pathlib import Path
 
@@ -73,6 +74,20 @@ def pair_and(*disparities):
     """Return pairs of gray images and the results of disparities."""
     image = np.full((HEIGHT, WIDTH, 3), 120, np.uint8)
     return [(image, image)] * len(disparities), [result_of(each) for each in disparities]
+
+
+def test_figures_are_judged_by_the_claims_of_the_sensor():
+    pairs, results = pair_and(noisy_plane(1), noisy_plane(2), noisy_plane(3))
+    found = check(pairs, results, Settings())
+    assert found.figures['claim_ratio'] == pytest.approx(1.0, abs=0.03)
+    assert {by_name(found)[name].level for name in (
+        'claims', 'noise that is claimed', 'temporal noise', 'wrong ranges')} == {GOOD}
+    bold, timid = ([replace(each, disparity_std=factor * each.disparity_std)
+                    for each in results] for factor in (np.float32(0.4), np.float32(5)))
+    found = by_name(check(pairs, bold, Settings()))
+    assert found['claims'].level == found['temporal noise'].level == POOR
+    found = by_name(check(pairs, timid, Settings()))
+    assert found['claims'].level == GOOD and found['noise that is claimed'].level == POOR
 
 
 def test_holes_and_wrong_ranges_are_counted():
@@ -207,7 +222,7 @@ def test_the_command_checks_a_folder_and_writes_figures_and_a_page(folder, tmp_p
     status = main(['check', str(folder), '--distance', '800', '--json', str(figures), '--report',
                    str(page), *depth_options()])
     content = json.loads(figures.read_text())
-    assert status == {GOOD: 0, FAIR: 0, POOR: 3}[content['verdict']]
+    assert status == {GOOD: 0, FAIR: 0, POOR: 1}[content['verdict']]
     assert abs(content['figures']['bias_percent']) < 0.1
     assert content['figures']['plane_rms_px'] < 0.1
     assert content['figures']['density'] > 0.9
@@ -231,6 +246,6 @@ def test_a_recording_is_checked_by_its_own_calibration(tmp_path, capsys):
                    str(folder / 'settings.yaml'), '--json', str(tmp_path / 'check.json'),
                    '--matching.third_view', 'off'])
     said = capsys.readouterr().out
-    assert status == 3 and 'The sensor is not in order' in said  # solids stand on the board
+    assert status == 1 and 'The sensor is not in order' in said  # solids stand on the board
     assert 'place of the board          450.0 mm' in said
     assert json.loads((tmp_path / 'check.json').read_text())

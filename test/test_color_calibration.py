@@ -2,13 +2,16 @@
 """Colors of two cameras: measured from frames of light, kept in a file, used by the core."""
 
 from dataclasses import replace
+import json
 
 from color_stereo_ros.calibration.color import calibrate_camera, calibrate_color
+from color_stereo_ros.calibration.frame_stream import FrameStream
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import CalibrationError, ColorStereo, ImageError
 from color_stereo_ros.core.color_calibration import (
     CameraColor, CEILING, ColorCalibration, ColorCorrection, linear, PEDESTAL, SATURATED)
 from color_stereo_ros.files.image import write_image
+from color_stereo_ros.recordings.writing import write_recording
 from naive import corrected_colors
 import numpy as np
 import pytest
@@ -234,6 +237,73 @@ def test_the_command_writes_the_file_and_says_what_it_gains(tmp_path, capsys):
     assert ColorCalibration.read(output).left.size == SIZE
     assert cli.main(['calibrate', 'color', str(folder), '-o', str(output)]) == 1
     assert 'exists already' in capsys.readouterr().err
+
+
+def test_the_report_has_pictures_and_replaces_no_file(tmp_path, capsys):
+    folder = written(tmp_path / 'card', frames(LEFT), frames(RIGHT))
+    words = ['calibrate', 'color', str(folder), '-o', str(tmp_path / 'color.yaml'), '--report',
+             str(tmp_path / 'color.html')]
+    assert cli.main(words) == 0
+    page = (tmp_path / 'color.html').read_text()
+    assert page.count('<svg') == 2 and page.count('<img') == 2
+    for word in ('Response', 'Crosstalk', 'What it gains', 'aberration'):
+        assert word in page
+    (tmp_path / 'color.yaml').unlink()
+    assert cli.main(words) == 1 and 'exists already' in capsys.readouterr().err
+    assert not (tmp_path / 'color.yaml').exists()
+
+
+def test_pairs_are_sorted_by_the_frame_that_is_shown():
+    stream = FrameStream(settle=0.5, count=2)
+    white, other = np.full((4, 6, 3), 200, np.uint8), np.zeros((5, 6, 3), np.uint8)
+    assert not stream.take(white, white, 0.0)  # nobody has said what is shown
+    stream.shown('{"frame": "white"}', 1.0)
+    assert not stream.take(white, white, 1.4)
+    assert stream.take(white, white + 10, 1.6) and not stream.take(other, other, 1.7)
+    assert stream.take(white, white, 1.8) and not stream.take(white, white, 1.9)
+    stream.shown('{"frame": "pattern"}', 2.0)
+    assert not stream.take(white, white, 3.0)
+    stream.shown('no JSON', 4.0)
+    assert not stream.take(white, white, 5.0)
+    left, right = stream.images()
+    assert left['white'].mean() == 200 and right['white'].mean() == 205
+    assert 'white' not in stream.missing and len(stream.missing) == 6
+
+
+def recorded(path, left, right, info=True):
+    """Write frames as a recording that says what is shown."""
+    with write_recording(path) as writer:
+        for number, name in enumerate(FRAMES):
+            start = (10 + 2 * number) * 10 ** 9
+            text = json.dumps({'frame': name}).encode() + bytes(1)
+            if info:  # std_msgs/String in CDR, little endian
+                writer.write('/pattern/info', 'std_msgs/msg/String', start, b'\0\1\0\0'
+                             + len(text).to_bytes(4, 'little') + text, latched=True)
+            for late in (0.1, 0.8, 1.2):  # the first one still shows the frame before
+                shown = FRAMES[number - 1] if late < 0.5 else name
+                writer.write_pair(start + int(late * 1e9), left[shown], right[shown], rig(*SIZE))
+    return path
+
+
+def test_a_recording_of_the_frames_is_measured_as_its_images_are(tmp_path, capsys):
+    left, right = frames(LEFT), frames(RIGHT)
+    assert cli.main(['calibrate', 'color', str(recorded(tmp_path / 'bag', left, right)), '-o',
+                     str(tmp_path / 'color.yaml')]) == 0
+    found = ColorCalibration.read(tmp_path / 'color.yaml')
+    true = calibrate_color(left, right).calibration
+    np.testing.assert_allclose(found.left.crosstalk, true.left.crosstalk, atol=1e-6)
+    assert found.right.gamma == pytest.approx(true.right.gamma, abs=1e-6)
+    bare = recorded(tmp_path / 'bare', left, right, info=False)
+    assert cli.main(['calibrate', 'color', str(bare), '-o', str(tmp_path / 'x.yaml')]) == 1
+    assert 'no message of /pattern/info' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('words, message', [
+    ([], 'name a folder or a recording, or use --live'),
+    (['card', '--live'], 'leave out card'), (['card', '--settle', '-1'], '--settle = -1.0 s')])
+def test_sources_that_exclude_each_other_are_refused(words, message, capsys):
+    assert cli.main(['calibrate', 'color', *words]) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_the_command_keeps_the_focal_lengths_of_the_cameras(tmp_path):

@@ -152,7 +152,7 @@ def test_one_pair_tells_pitch_roll_and_yaw_of_a_knock(kind):
 def test_pairs_after_a_correction_show_the_same_drift():
     calibration = rig('barrel')
     tracker = HealthTracker(calibration)
-    health = tracker.follow(tracker.unknown(), alignment(calibration, KNOCK, noise=0.05))
+    health = tracker.follow(tracker.unknown(), alignment(calibration, KNOCK))
     applied = tracker.to_apply(health)
     left, right = observed(calibration, KNOCK)
     geometry = calibration.geometry
@@ -221,7 +221,25 @@ def test_most_pairs_cost_nothing():
         after = tracker.follow(health, alignment(calibration, np.zeros(COUNT), 0.1, seed=pair))
         used.append(after.pairs > health.pairs)
         health = after
-    assert used == [True] * 3 + [False, False, False, True] * 2 + [False]
+    assert used == [True] * 4 + [False, False, False, False, True] + [False] * 3
+
+
+def test_a_pair_replaces_what_an_earlier_one_said_of_the_same_cells():
+    calibration = rig()
+    tracker = HealthTracker(calibration)
+    seen = alignment(calibration, KNOCK, noise=0.05)
+    once = tracker.follow(tracker.unknown(), seen)
+    again = tracker.follow(once, seen)
+    # the errors of a scene at rest come again: it tells nothing new
+    assert again.std == pytest.approx(once.std, rel=0.02)
+    other = tracker.follow(once, alignment(calibration, KNOCK, noise=0.05, seed=2).but(turn=1))
+    assert (other.std[:3] < 0.8 * once.std[:3]).all()
+    whole = other
+    for turn in (2, 3):
+        whole = tracker.follow(whole, alignment(calibration, KNOCK, noise=0.05,
+                                                seed=turn + 1).but(turn=turn))
+    assert np.linalg.matrix_rank(whole.information.sum(axis=0)) > COUNT
+    assert (np.abs(whole.drift - KNOCK) < 3 * whole.std).all()
 
 
 def test_a_drift_that_is_too_large_is_told_and_not_corrected():

@@ -8,8 +8,10 @@ from color_stereo_ros.core import CalibrationError, ColorStereo, StereoCalibrati
 from color_stereo_ros.core.cameras.covariance import StereoCovariance
 from color_stereo_ros.core.cameras.parameters import StereoParameters
 from color_stereo_ros.core.health.drift import corrected, expected_fields, SHOWN
-from color_stereo_ros.core.health.prior import drift_covariance
-from color_stereo_ros.core.health.tracking import HealthTracker
+from color_stereo_ros.core.health.posterior import (
+    corrected_covariance, KnownDrift, parameters_by_drift)
+from color_stereo_ros.core.health.prior import drift_by_parameters, drift_covariance
+from color_stereo_ros.core.health.tracking import HealthTracker, posterior, TERMS
 from color_stereo_ros.messages.contents import Header
 from color_stereo_ros.messages.health import health_message, read_drift, suggestion, UNKNOWN
 from color_stereo_ros.messages.outputs import Context, OUTPUTS
@@ -100,10 +102,30 @@ def test_without_rows_there_is_no_health():
     assert health_message(None, 'x', Header()).status[0].message == UNKNOWN
 
 
-def knocked_health():
+def covariance_of(calibration):
+    """Return a StereoCovariance with the standard deviations of a good calibration."""
+    names = StereoParameters.from_calibration(calibration).names
+    spread = [0.05 if name[-2:] in ('fx', 'fy', 'cx', 'cy') else 1e-4 if '.D' in name else 2e-5
+              for name in names]
+    random = np.random.default_rng(5)
+    axes = np.linalg.qr(np.eye(len(names)) + 0.3 * random.normal(size=2 * (len(names),)))[0]
+    shape = axes @ np.diag(random.uniform(0.2, 1, len(names))) @ axes.T
+    return StereoCovariance.of(calibration, shape * np.outer(spread, spread))
+
+
+def health_file(path, health, calibration):
+    """Write what `ros2 topic echo` prints of a Health."""
+    message = health_message(health, 'x', Header(), calibration)
+    path.write_text(yaml.safe_dump({'status': [{'values': [
+        {'key': each.key, 'value': each.value} for each in message.status[0].values]}]}) + '---')
+    return message
+
+
+def knocked_health(covariance=None):
     """Return the Health of a knocked pair, and its calibration."""
     calibration = test_health.rig('barrel')
-    tracker = HealthTracker(calibration)
+    tracker = HealthTracker(calibration, prior=None if covariance is None else drift_covariance(
+        calibration, covariance))
     return tracker.follow(tracker.unknown(), test_health.alignment(
         calibration, test_health.KNOCK, noise=0.05)), calibration
 
@@ -111,22 +133,38 @@ def knocked_health():
 def test_the_message_holds_all_digits_and_the_suggestion(tmp_path):
     health, calibration = knocked_health()
     fixed = corrected(calibration, health.drift)
-    content = health_message(health, 'calibration health', Header.at(7, 'left'), fixed)
+    content = health_message(health, 'calibration health', Header.at(7, 'left'), calibration,
+                             fixed)
     message = message_of(content)
     assert message.status[0].level == b'\x01'
     values = {each.key: each.value for each in message.status[0].values}
     assert [float(each) for each in values['suggested right K'].split()] == [
         *fixed.right.K.ravel()]
     path = tmp_path / 'health.yaml'
-    path.write_text(yaml.safe_dump({'status': [{'values': [
-        {'key': key, 'value': value} for key, value in values.items()]}]}) + '---\n')
-    assert read_drift(path) == pytest.approx(health.drift, rel=1e-12)
-    for text, reason in (('a: 1', 'tells no drift'), ('a: [', 'is no YAML'),
-                         (path.read_text().replace("'yaw (degrees)'", 'x')
-                          .replace('yaw (degrees)', 'x'), 'tells no drift')):
-        path.write_text(text)
+    told = health_file(path, health, calibration).status[0].values
+    # ros2 topic echo cuts longer text
+    assert max(len(each.value) for each in told) <= 128
+    known = read_drift(path, calibration)
+    assert known.drift == pytest.approx(health.drift, rel=1e-12)
+    assert known.covariance == pytest.approx(health.covariance, rel=1e-6, abs=1e-20)
+    assert known.prior_std ** 2 == pytest.approx(np.diag(health.prior)) and known.knocked
+    whole = path.read_text()
+    for old, new, reason in (
+            (whole, 'a: 1', 'tells no drift'), (whole, 'a: [', 'is no YAML'),
+            ('yaw (degrees)', 'x', 'tells no drift'),
+            ('left calibration', 'x', 'tells no drift'),
+            (repr(float(health.drift[0] * SHOWN[0])), 'nan', 'no finite numbers')):
+        path.write_text(whole.replace(old, new))
         with pytest.raises(CalibrationError, match=reason):
-            read_drift(path)
+            read_drift(path, calibration)
+
+
+def test_a_health_file_of_another_calibration_is_refused(tmp_path):
+    health, calibration = knocked_health()
+    health_file(tmp_path / 'health.yaml', health, calibration)
+    foreign = corrected(calibration, 1e-6 * np.ones(6))
+    with pytest.raises(CalibrationError, match='the drift belongs to another left calibration'):
+        read_drift(tmp_path / 'health.yaml', foreign)
 
 
 def test_the_topic_is_one_of_the_outputs():
@@ -140,23 +178,75 @@ def test_the_topic_is_one_of_the_outputs():
 
 
 def test_update_writes_a_new_calibration_from_a_health_file(tmp_path, capsys):
-    health, calibration = knocked_health()
+    covariance = covariance_of(test_health.rig('barrel'))
+    health, calibration = knocked_health(covariance)
     files = [tmp_path / name for name in ('left.yaml', 'right.yaml')]
     calibration.to_yaml(*files)
-    message = health_message(health, 'x', Header())
-    (tmp_path / 'health.yaml').write_text(yaml.safe_dump({'status': [{'values': [
-        {'key': each.key, 'value': each.value} for each in message.status[0].values]}]}))
+    covariance.write(tmp_path / 'covariance.yaml')
+    health_file(tmp_path / 'health.yaml', health, calibration)
     words = ['calibrate', 'update', str(tmp_path / 'new'), '--health',
              str(tmp_path / 'health.yaml')]
     assert cli.main(words) == 2 and '--left and --right' in capsys.readouterr().err
     words += ['--left', str(files[0]), '--right', str(files[1])]
     before = [each.read_bytes() for each in files]
-    assert not cli.main(words)
+    assert not cli.main([*words, '--health.covariance', str(tmp_path / 'covariance.yaml')])
     assert [each.read_bytes() for each in files] == before
     written = StereoCalibration.from_yaml(tmp_path / 'new/left.yaml', tmp_path / 'new/right.yaml')
     assert written.right.R == pytest.approx(corrected(calibration, health.drift).right.R, abs=1e-9)
     assert written.geometry.baseline == pytest.approx(calibration.geometry.baseline)
+    told = StereoCovariance.read(tmp_path / 'new/stereo_covariance.yaml')
+    told.check(written)
+    after = corrected_covariance(calibration, covariance, KnownDrift.of(health))
+    assert told.matrix == pytest.approx(after.matrix, rel=1e-6, abs=1e-16)
     assert cli.main(words) == 1 and 'is there already' in capsys.readouterr().err
+    words[2] = str(tmp_path / 'bare')
+    assert not cli.main(words)
+    assert 'no stereo_covariance.yaml is written' in capsys.readouterr().out
+    assert sorted(each.name for each in (tmp_path / 'bare').iterdir()) == [
+        'left.yaml', 'right.yaml']
+
+
+def test_a_drift_of_another_covariance_is_refused_and_nothing_written(tmp_path, capsys):
+    health, calibration = knocked_health()
+    files = [tmp_path / name for name in ('left.yaml', 'right.yaml')]
+    calibration.to_yaml(*files)
+    covariance_of(calibration).write(tmp_path / 'covariance.yaml')
+    health_file(tmp_path / 'health.yaml', health, calibration)
+    assert cli.main(['calibrate', 'update', str(tmp_path / 'new'), '--health',
+                     str(tmp_path / 'health.yaml'), '--left', str(files[0]), '--right',
+                     str(files[1]), '--health.covariance', str(tmp_path / 'covariance.yaml')]) == 1
+    assert 'another covariance' in capsys.readouterr().err
+    assert not (tmp_path / 'new').exists()
+
+
+@pytest.mark.parametrize('knocked', [False, True])
+def test_the_covariance_after_an_update_is_what_errors_show(knocked, effort):
+    calibration = test_health.rig('barrel')
+    covariance = covariance_of(calibration)
+    images, at = drift_by_parameters(calibration, covariance), np.zeros(6)
+    moves = parameters_by_drift(calibration, at)
+    assert images @ moves == pytest.approx(np.eye(6), abs=0.02)
+    prior = drift_covariance(calibration, covariance)
+    knock = np.diag(np.square(np.array([0.3, 0.3, 0.3, 0.1, 0.005, 0.005]) / SHOWN)) * knocked
+    random = np.random.default_rng(7)
+    # the rows of 50 places, .2 px each: they tell little of yaw and of the direction
+    fields = expected_fields(calibration, *random.uniform(20, 400, (2, 50)),
+                             random.uniform(60, 160, 50))[0] / 0.2
+    information = np.zeros((6 + TERMS,) * 2)
+    information[:6, :6] = fields.T @ fields
+    ratios = []
+    for _ in effort.seeds(200, 2000):
+        error = random.multivariate_normal(np.zeros(len(covariance.names)), covariance.matrix)
+        move = random.multivariate_normal(at, knock)
+        seen = fields @ (images @ error + move) + random.normal(size=len(fields))
+        pull = np.zeros(6 + TERMS)
+        pull[:6] = fields.T @ seen
+        drift, after = posterior(information, pull, prior + knock)
+        known = KnownDrift(drift, after, np.sqrt(np.diag(prior)), knocked)
+        told = corrected_covariance(calibration, covariance, known)
+        ratios.append((error + moves @ (move - drift)) ** 2 / np.diag(told.matrix))
+    assert np.mean(ratios, axis=0) == pytest.approx(1, abs=0.45)
+    assert np.mean(ratios) == pytest.approx(1, abs=0.15)
 
 
 def test_update_measures_a_recording(tmp_path, capsys):
@@ -168,6 +258,7 @@ def test_update_measures_a_recording(tmp_path, capsys):
     assert not cli.main(words)
     out = capsys.readouterr().out
     assert 'the cameras have moved' in out and 'calibration changed by pitch 0.1' in out
+    assert 'no stereo_covariance.yaml is written' in out
     written = StereoCalibration.from_yaml(tmp_path / 'new/left.yaml', tmp_path / 'new/right.yaml')
     turned = written.right.R.T @ rig(*SIZE).right.R
     assert turned[0, 1] == pytest.approx(-KNOCK[2], abs=3e-4)

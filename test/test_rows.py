@@ -6,13 +6,14 @@ from functools import lru_cache
 
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.account import doubts_about_result
-from color_stereo_ros.core.rows.alignment import Alignment, COUNT, terms
+from color_stereo_ros.core.rows.alignment import Alignment, COUNT, terms, TURNS
 from color_stereo_ros.core.rows.estimate import (
     applicable, failed, resumed, robust_fit, UNSEEN, updated)
 from color_stereo_ros.core.rows.search import ASTRAY, fit, search, UPSIDE_DOWN
 from color_stereo_ros.core.rows.tuning import TUNING
 from color_stereo_ros.core.surface.aligning import Aligner, doubt
 from color_stereo_ros.core.surface.pair_model import PairModel
+from color_stereo_ros.core.surface.row_kernels import CELL_STEP
 from color_stereo_ros.nodes.sensor.row_search import RowSearch
 import numpy as np
 import pytest
@@ -368,6 +369,21 @@ def test_a_search_confirms_what_poor_matches_show():
     assert confirmed.agreeing and apart(confirmed, (0.5, 0.2)) < 0.05
     assert not aligner.align(None, measured, lambda: (other_rows, '')).known
     assert not aligner.align(None, measured, lambda: (None, ASTRAY)).known
+
+
+def test_every_cell_is_asked_once_in_some_pairs():
+    assert TURNS == CELL_STEP
+    asked, aligner, known = [], Aligner(SIZE, True), None
+    shown = updated(Alignment.unknown(SIZE), *cells((0.0,))).but(agreeing=True)
+
+    def measured(prior):
+        asked.append(prior.turn)
+        return shown.but(applied=prior.applied)
+
+    for _ in range(TURNS + 1):
+        known = aligner.align(known, measured, None)
+        assert known.turn == asked[-1]
+    assert asked == [*range(TURNS), 0]
 
 
 @pytest.mark.parametrize('agreeing', [True, False])

@@ -58,7 +58,7 @@ GLOBALS = {
     'RING', 'TENT',       # shapes of the neighbors that demosaicing mixes
     'GAUGES', 'REACH', 'LINEAR', 'QUADRATIC',  # from the model of unequal views
     'ESTIMATE',           # a word of the settings
-    'wait', 'tries', 'matches', 'with_depth',  # counts that begin at 0
+    'wait', 'tries', 'turn', 'matches', 'with_depth',  # counts that begin at 0
     'color_map',          # the shape of an array
     'SUBPIXEL_CODES',     # names of modes
     'NEIGHBORS',          # the four of them

@@ -7,10 +7,12 @@ How exact a measured plane or a sphere bar is, in the terms of VDI/VDE 2634 part
     probing error, size           measured minus true diameter
     sphere-spacing error          measured minus true distance of the centers
 
-As the guideline allows, up to 3 of 1,000 points are left out of a range. Points that lie beside
-the object, off by more than a pixel, are left out before that; their share is told. The guideline
-asks for several positions in the volume and for calibrated artifacts: figures from one position
-are of its kind, and no claim of conformity.
+The plane is that of least squares, and so is the sphere, whose radius is free. As the guideline
+allows, up to 3 of 1,000 points are left out of a range. Points that lie beside the object, off by
+more than a pixel of the plane or .15 radii of the sphere, are left out before that, and points
+off by four standard deviations do not count in the fit of the sphere: the guideline does not
+allow these. It asks for several positions in the volume and for calibrated artifacts: figures
+from one position are of its kind, and no claim of conformity.
 
 """
 
@@ -28,6 +30,7 @@ LEAST_POINTS = 1000  # chosen: a board that fills a twentieth of a small image h
 LEAST_SHARE = 0.3  # of the ranges; chosen: a board that fills the view has nearly all
 BLOCK = 16  # px; chosen: noise averages out, the shape stays
 ROBUST = 1.4826
+WITHIN = 68.27  # percent of a normal distribution lie within one standard deviation
 STEEP = np.cos(np.radians(60))  # chosen: seen from the side a sphere is measured badly
 VOXEL = 0.2  # radii; chosen: normals point to the center within this
 CANDIDATE = 0.15  # radii; chosen: so near to the surface lie the points of a sphere
@@ -46,6 +49,12 @@ class Plane:
     rms_mm: float
     rms_px: float
     """The same in disparity, px."""
+    claim_ratio: float
+    """68 % of the points are off by at most so many of their claimed standard deviations."""
+    claimed_px: float
+    """Median of the claimed standard deviations of the disparity, px."""
+    claimed_wrong: float
+    """Share of the ranges that should be off by more than a pixel, by their confidence."""
     flatness_mm: float
     """Flatness measurement error."""
     shape_mm: float
@@ -141,10 +150,13 @@ def _described(result, plane, used, inside):
     rows, columns = np.nonzero(used)
     pixels = result.disparity[used] - np.column_stack([np.ones(rows.size), columns, rows]) @ plane
     answered = np.isfinite(result.disparity) & inside
-    geometry = result.geometry
+    spread_px = result.disparity_std[used].astype(np.float64)
     ray = np.array([0.0, 0.0, 1.0])
-    return Plane(plane, inside, residual, _rms(distances), _rms(pixels), spread(distances),
-                 _rms(_block_means(residual)), float(answered.sum() / inside.sum()),
+    return Plane(plane, inside, residual, _rms(distances), _rms(pixels),
+                 float(np.percentile(np.abs(pixels) / spread_px, WITHIN)),
+                 float(np.median(spread_px)), float(1 - result.confidence[answered].mean()),
+                 spread(distances), _rms(_block_means(residual)),
+                 float(answered.sum() / inside.sum()),
                  float(1 - used.sum() / max(answered.sum(), 1)),
                  float(1e3 * (middle @ normal) / (ray @ normal)),
                  float(np.degrees(np.arccos(min(1.0, abs(normal[2]))))))
@@ -182,6 +194,8 @@ class Sphere:
     size_mm: float
     """Probing error, size."""
     rms_mm: float
+    claimed_mm: float
+    """Median of the claimed standard deviations of its points, along the radius."""
     points: int
 
 
@@ -211,6 +225,9 @@ def measured_spheres(result, radius):
     points = points[known].astype(np.float64)
     normals = normals[known].astype(np.float64)
     facing = -np.einsum('ni,ni->n', normals, points) / np.linalg.norm(points, axis=1) > STEEP
+    # an error of the depth moves a point along its ray; the part along the normal counts
+    along = np.abs(np.einsum('ni,ni->n', normals, points)) / points[:, 2]
+    claimed = (along * result.depth_std[known])[facing]
     points, normals = points[facing], normals[facing]
     centers = points - radius * normals
     found = []
@@ -222,9 +239,9 @@ def measured_spheres(result, radius):
         near &= np.linalg.norm(centers - center, axis=1) < radius
         if near.sum() < LEAST_POINTS / 4:
             break
-        found.append(_sphere(points[near], center, radius))
+        found.append(_sphere(points[near], center, radius, claimed[near]))
         apart = np.linalg.norm(points - found[-1].center, axis=1) > 1.5 * radius
-        points, centers = points[apart], centers[apart]
+        points, centers, claimed = points[apart], centers[apart], claimed[apart]
     if len(found) < 2:
         raise CalibrationError(f'{len(found)} of two spheres of radius {1e3 * radius:g} mm found: '
                                'are they whole in the view of both cameras, dull and bright?')
@@ -244,7 +261,7 @@ def _densest(centers, radius):
     return center
 
 
-def _sphere(points, center, radius):
+def _sphere(points, center, radius, claimed):
     """Return the Sphere of least squares; points off by three standard deviations are left."""
     unknown = np.append(center, radius)
     keep = np.ones(len(points), bool)
@@ -262,4 +279,5 @@ def _sphere(points, center, radius):
     distances = 1e3 * (np.linalg.norm(points - unknown[:3], axis=1) - unknown[3])
     gated = distances[np.abs(distances) < 1e3 * CANDIDATE * radius]
     return Sphere(unknown[:3], float(1e3 * unknown[3]), spread(gated),
-                  float(2e3 * (unknown[3] - radius)), _rms(gated), int(gated.size))
+                  float(2e3 * (unknown[3] - radius)), _rms(gated),
+                  float(1e3 * np.median(claimed)), int(gated.size))

@@ -16,6 +16,7 @@ from .least_squares import inverse_information
 COEFFICIENTS = 5     # of the lens that will be calibrated: plumb_bob
 DEPTHS = 25          # at which the plan is computed, near to far
 FEATURE = 4.8        # px in the image: the size of the pattern's structures in docs/hardware.md
+DISPARITY_STD = 0.05  # px, of matching: what a rig in order claims of a pixel
 ROWS_LIMIT = 0.24    # px: so far rows may be off before a 2-D pattern loses density, measured
 
 
@@ -105,7 +106,8 @@ class Plan:
         return np.hypot(self.matching_std, self.calibration_std)
 
 
-def plan(rig, corners, views=15, disparity_std=0.05, corner_sigma=0.05, detectable=None):
+def plan(rig, corners, views=15, disparity_std=DISPARITY_STD, corner_sigma=0.05,
+         detectable=None):
     """
     Plan a rig.
 

@@ -3,7 +3,6 @@
 
 SUMMARY = 'check a sensor on a flat board or a sphere bar, and say what to change'
 NEEDS = 'with a recording or `--report` [tools]'
-POOR_STATUS = 3  # exit status where the sensor is not in order
 MOST = 20  # pairs; chosen: they tell the noise to 16 %
 
 
@@ -34,13 +33,14 @@ def add_arguments(parser):
 
 
 def run(args):
-    """Check with the pairs of the command line; return 3 where the sensor is not in order."""
+    """Check with the pairs of the command line; return 1 where the sensor is not in order."""
     from ..calibration.check_text import check_json, check_text
     from ..calibration.checking import check, POOR
     from ..core import ColorStereo
     from ..files.atomic import check_free, write_text
     from ..patience import patience
     from .arguments import settings_from
+    from .main import FAILURE
     bar = _bar(args)
     if not args.overwrite:
         for path in filter(None, (args.json, args.report)):
@@ -62,7 +62,7 @@ def run(args):
         title = f'{" ".join(args.images)}: {len(pairs)} pairs'
         write_text(args.report, check_page(found, *pairs[-1], results[-1], title),
                    replace=args.overwrite)
-    return POOR_STATUS if found.level == POOR else None
+    return FAILURE if found.level == POOR else None
 
 
 def _bar(args):

@@ -230,7 +230,8 @@ class ColorStereo:
         before = self.health if health is None else health
         known = self._alignment if alignment is None else alignment
         if self._corrected_anew(before):
-            known = None  # rows lie elsewhere now
+            # rows lie elsewhere now
+            known = known and self._unknown().but(turn=known.turn)
         searched = partial(self._searched, left, right) if self._search_at_once else None
         given = None if not self.may_use_projector else Given(
             self._projector if projector is None else projector, self._image_of(left, image),

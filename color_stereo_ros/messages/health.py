@@ -3,12 +3,21 @@
 
 import numpy as np
 
+from ..core.cameras.covariance import check_hashes, hashes_of
+from ..core.cameras.parameters import SIDES
 from ..core.health.drift import corrected, COUNT, NAMES, SHOWN, UNITS
+from ..core.health.posterior import KnownDrift
 from ..errors import CalibrationError
 from ..files.yaml import load_yaml, UnreadableError
 from .contents import DiagnosticArray, DiagnosticStatus, KeyValue
 
 TOPIC = 'calibration_health'
+VALUE, SPREAD = '{} ({})', '{}, standard deviation ({})'
+HASH = '{} calibration'
+KNOCKED = 'knocked'
+BEFORE = '{}, standard deviation as calibrated ({})'
+CORRELATIONS = 'correlations of {}'
+DIGITS = 9  # of a correlation: a line of them stays below the 128 characters that echo prints
 OK, WARN, STALE = 0, 1, 3
 UNKNOWN = 'the drift of the calibration is not measured: matching.row_alignment is off, or '\
           'matching.method does not measure the rows'
@@ -38,13 +47,13 @@ def health_values(health):
                'working distance (m)': health.distance}
     known = health.known
     for index, (name, (value, spread, unit)) in enumerate(health.numbers().items()):
-        values[f'{name} ({unit})'] = value
-        values[f'{name}, standard deviation ({unit})'] = spread
+        values[VALUE.format(name, unit)] = value
+        values[SPREAD.format(name, unit)] = spread
         values[f'{name} observable'] = bool(known[index])
     return values
 
 
-def health_message(health, name, header, suggested=None):
+def health_message(health, name, header, calibration=None, suggested=None):
     """
     Return a Health as a message.
 
@@ -55,6 +64,8 @@ def health_message(health, name, header, suggested=None):
     name : str
         Of the status.
     header : Header
+    calibration : StereoCalibration, optional
+        That the drift refers to; its hash is told.
     suggested : StereoCalibration, optional
         What would fit now; its right K and R are told.
 
@@ -66,7 +77,9 @@ def health_message(health, name, header, suggested=None):
     """
     if health is None:
         return DiagnosticArray(header, (DiagnosticStatus(STALE, name, UNKNOWN, '', ()),))
-    values = health_values(health)
+    values = health_values(health) | _for_programs(health)
+    if calibration is not None:
+        values |= {HASH.format(side): value for side, value in hashes_of(calibration).items()}
     if suggested is not None:
         for side, field in (('left', 'R'), ('right', 'K'), ('right', 'R')):
             matrix = getattr(getattr(suggested, side), field)
@@ -90,29 +103,49 @@ def suggestion(health, calibration, settings):
     return corrected(calibration, health.drift)
 
 
+def _for_programs(health):
+    """Return what an update of the calibration needs beside `health_values`."""
+    if not health.pairs:
+        return {}
+    values = {KNOCKED: bool(health.knocked)}
+    before, correlations = np.sqrt(np.diag(health.prior)) * SHOWN, correlations_of(health)
+    for index, (name, unit) in enumerate(zip(NAMES, UNITS)):
+        values[BEFORE.format(name, unit)] = float(before[index])
+        values[CORRELATIONS.format(name)] = ' '.join(
+            f'{each:.{DIGITS}g}' for each in correlations[index, :index + 1])
+    return values
+
+
+def correlations_of(health):
+    """Return the correlations of the drift, float64 (6, 6)."""
+    return health.covariance / np.outer(health.std, health.std)
+
+
 def numbers_of(matrix):
     """Return the numbers of a matrix, row by row, as text with all their digits."""
     return ' '.join(repr(float(each)) for each in np.ravel(matrix))
 
 
-def read_drift(path):
+def read_drift(path, calibration):
     """
     Return the drift that a file of the topic `calibration_health` tells.
 
     Parameters
     ----------
     path : path-like
-        What `ros2 topic echo --once calibration_health` prints, or a file of `write_health`.
+        What `ros2 topic echo --once calibration_health` prints.
+    calibration : StereoCalibration
+        In use when the drift was measured.
 
     Returns
     -------
-    drift : numpy.ndarray, float64, shape (6,)
-        See `core.health.drift`.
+    known : KnownDrift
 
     Raises
     ------
     CalibrationError
-        If the file cannot be read or tells no drift; names the file.
+        If the file cannot be read, tells no drift, or belongs to another calibration; names the
+        file.
 
     """
     try:
@@ -121,12 +154,27 @@ def read_drift(path):
         raise CalibrationError(f'health {path} {error}') from error
     try:
         values = {each['key']: each['value'] for each in content['status'][0]['values']}
-        drift = np.array([float(values[f'{name} ({unit})'])
-                          for name, unit in zip(NAMES, UNITS)]) / SHOWN
+        hashes = {side: str(values[HASH.format(side)]) for side in SIDES}
+        known = _known_drift(values)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise CalibrationError(
             f'{path}: tells no drift of a calibration, expected a message of the topic '
             f'{TOPIC} that has seen at least one pair') from error
-    if drift.shape != (COUNT,) or not np.isfinite(drift).all():
+    if not all(np.isfinite(each).all() for each in (known.drift, known.covariance,
+                                                    known.prior_std)):
         raise CalibrationError(f'{path}: the drift holds values that are no finite numbers')
-    return drift
+    check_hashes(f'{path}: the drift', hashes, calibration)
+    return known
+
+
+def _known_drift(values):
+    """Return the KnownDrift of the values of a message, a dict of text; KeyError, ValueError."""
+    drift, std, before = (np.array([float(values[key.format(name, unit)])
+                                    for name, unit in zip(NAMES, UNITS)]) / SHOWN
+                          for key in (VALUE, SPREAD, BEFORE))
+    correlations = np.zeros((COUNT, COUNT))
+    for index, name in enumerate(NAMES):
+        correlations[index, :index + 1] = values[CORRELATIONS.format(name)].split()
+    correlations += np.tril(correlations, -1).T
+    return KnownDrift(drift, correlations * np.outer(std, std), before,
+                      str(values[KNOCKED]) == 'True')

@@ -200,7 +200,8 @@ def _calibration_health(result, context):
     suggested = None
     if context.calibration is not None:
         suggested = suggestion(result.health, context.calibration, context.settings)
-    return health_message(result.health, 'calibration health', context.header, suggested)
+    return health_message(result.health, 'calibration health', context.header,
+                          context.calibration, suggested)
 
 
 @output('range_image', Image, 'bgr8, false colors of the depth, unknown = black; the size of '

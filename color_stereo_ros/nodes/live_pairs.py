@@ -32,6 +32,7 @@ class LivePairs:
     def __init__(self, node, topics, compressed=False):
         from rclpy.qos import qos_profile_sensor_data
         from sensor_msgs.msg import CompressedImage, Image
+        self.node = node
         self._synchronizer = Synchronizer()
         self._slot = LatestSlot()
         self._kind, self._read = ((CompressedImage, read_compressed_image) if compressed
@@ -99,7 +100,7 @@ class LivePairs:
 
 
 @contextmanager
-def live_pairs(topics, compressed=False):
+def live_pairs(topics, compressed=False, name='calibrate_geometry'):
     """
     Listen to two cameras while the block runs.
 
@@ -107,6 +108,8 @@ def live_pairs(topics, compressed=False):
     ----------
     topics : (str, str)
     compressed : bool
+    name : str
+        Of the node.
 
     Yields
     ------
@@ -118,7 +121,7 @@ def live_pairs(topics, compressed=False):
         If rclpy is not installed.
 
     """
-    with ros_node('calibrate_geometry') as node:
+    with ros_node(name) as node:
         import rclpy
         pairs = LivePairs(node, topics, compressed)
         ending = threading.Event()

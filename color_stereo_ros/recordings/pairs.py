@@ -9,7 +9,7 @@ from ..messages.synchronizer import Synchronizer
 QUEUE = 20  # images that wait for their partner
 
 
-def pairs_of(recording, left, right, say):
+def pairs_of(recording, left, right, say, others=None):
     """
     Yield the pairs of a recording as they are; `messages.pairs.rgb_pair` makes images of them.
 
@@ -20,6 +20,8 @@ def pairs_of(recording, left, right, say):
         Topics of the images, raw or compressed.
     say : callable
         Called with a sentence about a message that cannot be read; its pair is left out.
+    others : dict, optional
+        Other topics to what is called with each of their messages, a RecordedMessage, in turn.
 
     Yields
     ------
@@ -28,7 +30,11 @@ def pairs_of(recording, left, right, say):
 
     """
     synchronizer = Synchronizer(queue_size=QUEUE, clock=lambda: 0.0)
-    for message in recording.messages({left, right}):
+    others = others or {}
+    for message in recording.messages({left, right, *others}):
+        if message.topic in others:
+            others[message.topic](message)
+            continue
         side = 'left' if message.topic == left else 'right'
         try:
             content = recording.decoded(message)

@@ -2,22 +2,37 @@
 """`color_stereo calibrate color`: the colors of both cameras, from images of a white card."""
 
 SUMMARY = 'measure the colors of both cameras from images of a white card under frames of light'
-NEEDS = ''
+NEEDS = 'with a recording or `--report` [tools]; with `--live` [ros]'
 
 
 def add_arguments(parser):
     """Declare the arguments."""
-    parser.add_argument('folder', help='images left_NAME.png and right_NAME.png of a white card; '
-                        'NAME is a frame of pattern_node: white, black, red, green, blue, mask, '
-                        'complement, and perhaps dark with the lens covered; NAME_1, NAME_2 ... '
-                        'are averaged')
+    parser.add_argument('source', nargs='?', help='a folder of images left_NAME.png and '
+                        'right_NAME.png of a white card; NAME is a frame of pattern_node: white, '
+                        'black, red, green, blue, mask, complement, and perhaps dark with the '
+                        'lens covered; NAME_1, NAME_2 ... are averaged; or a recording with '
+                        'pattern/info')
+    parser.add_argument('--live', action='store_true', help='show the frames by pattern_node and '
+                        'take the images from live topics instead')
     parser.add_argument('-o', '--output', default='color_calibration.yaml', metavar='FILE',
                         help='file for color.calibration (default color_calibration.yaml)')
     parser.add_argument('--calibration', nargs=2, metavar=('LEFT', 'RIGHT'),
                         help='camera_info files of the cameras, whose focal lengths are kept, so '
                         'that other cameras are refused; default: left.yaml and right.yaml of '
                         'the folder if they are there')
-    parser.add_argument('--overwrite', action='store_true', help='replace a file of that name')
+    parser.add_argument('--report', metavar='FILE', help='write a page with pictures, too: '
+                        'response, gain over the image, crosstalk, what it gains (extra [tools])')
+    parser.add_argument('--overwrite', action='store_true', help='replace files of these names')
+    section = parser.add_argument_group('topics, live or of a recording')
+    section.add_argument('--namespace', metavar='NAME', help='namespace of the cameras')
+    for side in ('left', 'right'):
+        section.add_argument(f'--{side}-image', metavar='TOPIC', help='topic of the images of the '
+                             f'{side} camera (default {side}/image_raw)')
+    section.add_argument('--compressed', action='store_true', help='the images are JPEG or PNG')
+    section.add_argument('--pattern-node', default='/pattern_node', metavar='NAME', help='name of '
+                         'the pattern_node with its namespace (default /pattern_node)')
+    section.add_argument('--settle', type=float, default=0.5, metavar='S', help='so long after a '
+                         'change of the frame images do not count (default 0.5)')
 
 
 def run(args):
@@ -25,13 +40,13 @@ def run(args):
     from pathlib import Path
 
     from ...calibration.color import calibrate_color
-    from ...calibration.frame_files import read_frames
-    from ...files.atomic import check_free
+    from ...files.atomic import check_free, write_text
+    check(args)
     if not args.overwrite:
-        check_free(args.output)
-    folder = Path(args.folder)
-    left, right = (read_frames(folder, side) for side in ('left', 'right'))
-    calibration = read_calibration(folder, args.calibration)
+        for path in filter(None, (args.output, args.report)):
+            check_free(path)
+    left, right = frames_from(args)
+    calibration = read_calibration(Path(args.source or '.'), args.calibration)
     focal = ((), ())
     if calibration is not None:
         focal = tuple((camera.K[0, 0], camera.K[1, 1]) if camera.K[0, 0] > 0 else ()
@@ -39,9 +54,59 @@ def run(args):
     findings = calibrate_color(left, right, focal)
     if calibration is not None:
         findings.calibration.check(calibration)
+    text, page = report(findings), None
+    if args.report:
+        from ...calibration.color_report import color_page
+        page = color_page(findings, text, f'{args.source or "live cameras"}: a white card')
     findings.calibration.write(args.output, replace=args.overwrite)
-    print(report(findings))
+    if page is not None:
+        write_text(args.report, page, replace=args.overwrite)
+    print(text)
     print(f'{args.output}: written; use it by color.calibration')
+
+
+def check(args):
+    """Refuse two sources, none, and a time that is none."""
+    from ...errors import SettingsError
+    if args.live and args.source:
+        raise SettingsError(f'--live takes its images from topics; leave out {args.source}')
+    if not args.live and not args.source:
+        raise SettingsError('name a folder or a recording, or use --live')
+    if not 0 <= args.settle <= 60:
+        raise SettingsError(f'--settle = {args.settle} s is outside 0 .. 60 s')
+
+
+def frames_from(args):
+    """Return the frames of left and right camera, two dicts of float64 (H, W, 3)."""
+    from pathlib import Path
+
+    from ...calibration.frame_files import read_frames
+    from ...calibration.frame_stream import FrameStream
+    if args.live:
+        from ...nodes.live_frames import take_frames
+        from .geometry import topics_of
+        stream = FrameStream(args.settle)
+        take_frames(stream, args.pattern_node, topics_of(args), args.compressed,
+                    lambda text: print(text, flush=True))
+        return stream.images()
+    source = Path(args.source)
+    if source.is_file() or (source / 'metadata.yaml').exists():
+        return recorded_frames(args, FrameStream(args.settle))
+    return tuple(read_frames(source, side) for side in ('left', 'right'))
+
+
+def recorded_frames(args, stream):
+    """Return the frames of a recording, see `frames_from`."""
+    from ...recordings.frames import INFO, read_recorded_frames
+    from ...recordings.reading import Recording
+    from ...recordings.topics import image_topics, StereoTopics
+    from ..main import warn
+    with Recording(args.source) as recording:
+        left, right = image_topics(recording, args.namespace, StereoTopics(
+            args.left_image, args.right_image, None, None), args.compressed)
+        namespace = args.pattern_node.rpartition('/')[0]
+        read_recorded_frames(recording, stream, left, right, f'{namespace}/{INFO}', warn)
+    return stream.images()
 
 
 def read_calibration(folder, paths):

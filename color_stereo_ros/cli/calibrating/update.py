@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`color_stereo calibrate update`: the calibration of cameras that have moved, as new files."""
+"""`color_stereo calibrate update`: the calibration of moved cameras, as new files."""
 
 SUMMARY = 'write the calibration of cameras that have moved, as a new pair of files'
 NEEDS = 'with `--recording` [tools]'
 FILES = 'left.yaml', 'right.yaml'
+COVARIANCE = 'stereo_covariance.yaml'
+WITHOUT = (f'no {COVARIANCE} is written: how exact the calibration was is not known; name its '
+           'covariance by --health.covariance')
 
 
 def add_arguments(parser):
@@ -11,8 +14,9 @@ def add_arguments(parser):
     from ...parameters.groups import RangeNodeSettings
     from ...recordings.topics import OPTIONS
     from ..arguments import add_settings_arguments
-    parser.add_argument('result', help='folder to make; it gets left.yaml and right.yaml, and '
-                        'appears when it is complete')
+    parser.add_argument('result', help='folder to make; it gets left.yaml, right.yaml and, with '
+                        '--health.covariance, stereo_covariance.yaml; it appears when it is '
+                        'complete')
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument('--recording', help='rosbag2 folder, .mcap, .db3 or ROS 1 bag of pairs '
                         'under the pattern, with their camera_info (extra [tools])')
@@ -35,16 +39,22 @@ def run(args):
     from pathlib import Path
 
     from ...core.health.drift import corrected
+    from ...core.health.posterior import corrected_covariance
     from ...errors import CalibrationError
     from ...files.atomic import folder_written_whole
     if Path(args.result).exists():
         raise CalibrationError(f'{args.result}: is there already; name a folder that is not')
-    calibration, drift = (from_recording if args.recording else from_file)(args)
-    fixed = corrected(calibration, drift)
+    calibration, covariance, known = (from_recording if args.recording else from_file)(args)
+    fixed = corrected(calibration, known.drift)
+    if covariance is not None:
+        covariance = corrected_covariance(calibration, covariance, known)
     with folder_written_whole(args.result) as folder:
         folder.mkdir()
         fixed.to_yaml(*(folder / name for name in FILES))
-    print(f'{args.result}: {told(drift)}')
+        if covariance is not None:
+            covariance.write(folder / COVARIANCE)
+    print(f'{args.result}: {told(known.drift)}')
+    print(WITHOUT if covariance is None else f'{COVARIANCE} belongs to the new files')
 
 
 def told(drift):
@@ -55,17 +65,22 @@ def told(drift):
 
 
 def from_file(args):
-    """Return calibration and drift of a health file and two camera_infos."""
+    """Return calibration, its covariance or None, and KnownDrift of a health file."""
     from ...core import StereoCalibration
     from ...errors import SettingsError
     from ...messages.health import read_drift
+    from ...parameters.groups import RangeNodeSettings
+    from ..arguments import settings_from
     if not (args.left and args.right):
         raise SettingsError('--health needs --left and --right, the calibration in use')
-    return StereoCalibration.from_yaml(args.left, args.right), read_drift(args.health)
+    settings = settings_from(args, RangeNodeSettings())
+    calibration = StereoCalibration.from_yaml(args.left, args.right)
+    return calibration, settings.health.read_covariance(), read_drift(args.health, calibration)
 
 
 def from_recording(args):
-    """Return calibration and drift of the pairs of a recording."""
+    """Return calibration, its covariance or None, and KnownDrift of the pairs of a recording."""
+    from ...core.health.posterior import KnownDrift
     from ...errors import CalibrationError
     from ...parameters.groups import RangeNodeSettings
     from ...recordings.drift import DriftSensor
@@ -89,4 +104,4 @@ def from_recording(args):
         reason = 'its rows were not measured' if health is None else health.sentence()
         raise CalibrationError(f'{args.recording}: no calibration is written: {reason}')
     print(health.sentence())
-    return sensor.calibration, health.drift
+    return sensor.calibration, settings.health.read_covariance(), KnownDrift.of(health)

@@ -132,12 +132,7 @@ class StereoCovariance:
             Names the camera whose values differ.
 
         """
-        for side, value in hashes_of(calibration).items():
-            if value != self.hashes[side]:
-                raise CalibrationError(
-                    f'the covariance belongs to another {side} calibration: its hash is '
-                    f'{self.hashes[side][:12]}, that of the {side} camera_info is {value[:12]}; '
-                    'calibrate anew, or use the files that were written together')
+        check_hashes('the covariance', self.hashes, calibration)
 
     @property
     def std(self):
@@ -286,6 +281,32 @@ def camera_hash(camera):
 def hashes_of(calibration):
     """Return the hashes of both cameras of a StereoCalibration, dict by 'left' and 'right'."""
     return {side: camera_hash(getattr(calibration, side)) for side in SIDES}
+
+
+def check_hashes(what, hashes, calibration):
+    """
+    Refuse a calibration that something does not belong to.
+
+    Parameters
+    ----------
+    what : str
+        For the message: 'the covariance'.
+    hashes : dict
+        As `hashes_of` returned them.
+    calibration : StereoCalibration
+
+    Raises
+    ------
+    CalibrationError
+        Names the camera whose values differ.
+
+    """
+    for side, value in hashes_of(calibration).items():
+        if value != hashes[side]:
+            raise CalibrationError(
+                f'{what} belongs to another {side} calibration: its hash is '
+                f'{hashes[side][:12]}, that of the {side} camera_info is {value[:12]}; '
+                'calibrate anew, or use the files that were written together')
 
 
 def _check_covariance(matrix, count):

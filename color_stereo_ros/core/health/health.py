@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..frozen import constant_array
-from ..rows.alignment import COUNT as TERMS
+from ..rows.alignment import COUNT as TERMS, TURNS
 from .drift import COUNT, NAMES, SHOWN, UNITS
 from .tuning import TUNING
 
@@ -32,9 +32,13 @@ class Health:
     applied: np.ndarray
     """float64 (6,): by this drift the maps of this pair were corrected; 0: as calibrated."""
     information: np.ndarray
-    """float64 (13, 13), of the drift and of seven row terms of the scene, from rows alone."""
+    """
+    float64 (4, 13, 13), of the drift and of seven row terms of the scene, from rows alone.
+
+    One for each turn of cells, of the last pair that was asked them.
+    """
     pull: np.ndarray
-    """float64 (13,), information times what it is about."""
+    """float64 (4, 13), information times what it is about."""
     knocked: bool = False
     """Whether the cameras have moved, and not only the calibration is not exact."""
     observable: bool = False
@@ -67,8 +71,8 @@ class Health:
     def unknown(cls, prior):
         """Return what is known before the first pair; prior: float64 (6, 6), a covariance."""
         size = COUNT + TERMS
-        return cls(prior, np.zeros(COUNT), prior, np.zeros(COUNT), np.zeros((size, size)),
-                   np.zeros(size))
+        return cls(prior, np.zeros(COUNT), prior, np.zeros(COUNT),
+                   np.zeros((TURNS, size, size)), np.zeros((TURNS, size)))
 
     @property
     def std(self):

@@ -33,6 +33,30 @@ def drift_covariance(calibration, covariance):
         If the covariance belongs to another calibration.
 
     """
+    images = drift_by_parameters(calibration, covariance)
+    return images @ covariance.matrix @ images.T + np.eye(COUNT) * TUNING.prior.least_std ** 2
+
+
+def drift_by_parameters(calibration, covariance):
+    """
+    Return which drift the errors of each parameter look like.
+
+    Parameters
+    ----------
+    calibration : StereoCalibration
+    covariance : StereoCovariance
+
+    Returns
+    -------
+    images : numpy.ndarray, float64, shape (6, n)
+        Drift per unit of true minus calibrated parameters.
+
+    Raises
+    ------
+    CalibrationError
+        If the covariance belongs to another calibration.
+
+    """
     covariance.check(calibration)
     tuning, geometry = TUNING.prior, calibration.geometry
     x, y, depth = (each.ravel() for each in np.meshgrid(
@@ -45,6 +69,5 @@ def drift_covariance(calibration, covariance):
     by_drift = expected_fields(calibration, x, y, shift + geometry.principal_offset)
     scale = np.concatenate([np.zeros_like(shift), shift])
     fields = np.column_stack([np.concatenate(by_drift), scale])
-    images = np.linalg.lstsq(
+    return np.linalg.lstsq(
         fields, np.concatenate([-rows[known], disparities[known]]), rcond=None)[0][:COUNT]
-    return images @ covariance.matrix @ images.T + np.eye(COUNT) * tuning.least_std ** 2

@@ -66,7 +66,7 @@ class HealthTracker:
             return health.but(observable=seen, age=health.age + 1)
         if health.pairs >= tuning.first and health.age + 1 < tuning.every:
             return health.but(observable=True, age=health.age + 1)
-        return self._updated(health, Rows(self, health, alignment))
+        return self._updated(health, Rows(self, health, alignment), alignment.turn)
 
     def camera_of(self, applied):
         """Return the PhysicalRight whose maps are corrected by a drift (6,)."""
@@ -78,15 +78,15 @@ class HealthTracker:
             return self.camera
         return PhysicalRight.of(corrected(self.calibration, applied, baseline=False))
 
-    def _updated(self, health, rows):
-        kept, pairs = TUNING.estimate.keep, health.pairs
-        information, pull = health.information, health.pull
+    def _updated(self, health, rows, turn):
+        pairs = health.pairs
+        information, pull = health.information.copy(), health.pull.copy()
         if pairs and rows.apart(health.drift) > TUNING.estimate.bump:
-            information, pull, pairs = 0 * information, 0 * pull, 0
+            information[:], pull[:], pairs = 0, 0, 0
         drift, knock = health.drift, False
         for _ in range(TUNING.estimate.iterations):
-            own, own_pull = rows.normal(drift)
-            total, right = kept * information + own, kept * pull + own_pull
+            information[turn], pull[turn] = rows.normal(drift)
+            total, right = information.sum(axis=0), pull.sum(axis=0)
             knock = is_knock(total, right, self.prior)
             before = self.prior + knock * covariance_of(TUNING.estimate.knocked_std)
             found, covariance = posterior(total, right, before)
@@ -95,8 +95,8 @@ class HealthTracker:
             if step < TUNING.estimate.settled:
                 break
         return self.judged(health.but(
-            drift=drift, covariance=covariance, information=total, pull=right, knocked=knock,
-            observable=True, pairs=pairs + 1, age=0), rows.disparity)
+            drift=drift, covariance=covariance, information=information, pull=pull,
+            knocked=knock, observable=True, pairs=pairs + 1, age=0), rows.disparity)
 
     def judged(self, health, disparity):
         """Return a Health that says what its drift does at a working disparity, px."""

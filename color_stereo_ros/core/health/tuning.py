@@ -23,19 +23,17 @@ class EstimateTuning(Constants):
     bias_std: float = constant(
         0.004, 'px', 'Standard deviation of each of the seven row terms that a scene adds to the '
         'drift.', derived('As rows.estimate.floor_std.'))
-    keep: float = constant(
-        0.8, '1', 'Share of the information that is left after one update.',
-        unexplained('A mounting that yields slowly is followed within ten updates.'))
     bump: float = constant(
         0.06, 'px', 'Difference between pair and drift, root mean square over the evidence, from '
         'which earlier pairs are forgotten.',
         chosen('Five times what undisturbed pairs scatter.'))
     every: int = constant(
-        4, 'pairs', 'One pair of so many is used.',
-        derived('An update takes some 2 ms; a pair then takes .5 ms on average.'))
+        5, 'pairs', 'One pair of so many is used.',
+        derived('An update takes some 2 ms, a pair then .4 ms on average. One more than the turns '
+                'of cells, so that all turns come.'))
     first: int = constant(
-        3, 'pairs', 'Pairs at the beginning, and after a knock, that are all used.',
-        chosen('Drift is known after the first one; the others confirm it.'))
+        4, 'pairs', 'Pairs at the beginning, and after a knock, that are all used.',
+        derived('All turns of cells.'))
     iterations: int = constant(
         4, '1', 'Most linearizations of one update.', derived('Two suffice up to .3 degrees.'))
     settled: float = constant(
@@ -62,6 +60,12 @@ class PriorTuning(Constants):
     least_std: float = constant(
         1e-6, 'rad', 'Standard deviation that every number keeps.',
         derived('Far below all bounds; the covariance can be inverted.'))
+    step: float = constant(
+        1e-6, 'rad', 'Step of a drift for the derivatives of the parameters.',
+        derived('Rounding and curvature are both below 1e-8 of them.'))
+    same: float = constant(
+        1e-5, '1', 'Relative difference of two standard deviations that are the same.',
+        derived('More than text rounds.'))
 
 
 @dataclass(frozen=True)

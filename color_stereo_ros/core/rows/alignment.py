@@ -22,6 +22,8 @@ from .tuning import TUNING
 
 NAMES = 'offset', 'roll', 'scale', 'x x', 'x y', 'y y', 'radial'
 COUNT = len(NAMES)
+TURNS = TUNING.estimate.turns
+"""A pair is asked a share of its cells only: the errors of a cell come again in the next pair."""
 PLACES = (('top left', 'top', 'top right'), ('left', 'center', 'right'),
           ('bottom left', 'bottom', 'bottom right'))
 
@@ -113,6 +115,8 @@ class Alignment:
     """Pairs that do not agree before the next search."""
     tries: int = 0
     """Searches without success since the views agreed."""
+    turn: int = 0
+    """Which cells this pair was asked; the next pair is asked the next ones, see `next_turn`."""
 
     def __post_init__(self):
         """Keep the arrays from being written."""
@@ -124,6 +128,10 @@ class Alignment:
         """Return what is known before the first pair: rows may disagree by any amount."""
         spread = np.square(TUNING.estimate.prior_std)
         return cls(tuple(size), np.zeros(COUNT), np.diag(spread), np.zeros(COUNT))
+
+    def next_turn(self):
+        """Return which cells the next pair is asked: all were asked after TURNS pairs."""
+        return (self.turn + 1) % TURNS
 
     @property
     def std(self):

@@ -27,6 +27,10 @@ class EstimateTuning(Constants):
     keep: float = constant(
         0.6, '1', 'Share of the information that is left after one pair (process noise).',
         unexplained('A mounting that yields slowly is followed within a few pairs.'))
+    turns: int = constant(
+        4, 'pairs', 'After so many pairs all cells were asked.',
+        derived('The step of the cells in the surface method. The errors of a cell come again: '
+                'asking it in each pair tells nothing new.'))
     bump: float = constant(
         0.08, 'px', 'Difference between a pair and what was carried, root mean square over the '
         'evidence, from which the latter is forgotten.',

@@ -45,7 +45,13 @@ class Aligner:
             That of the last call of `measured`.
 
         """
+        turn = 0 if prior is None else prior.next_turn()
         prior = Alignment.unknown(self.size) if prior is None else prior
+        return self.answered(
+            prior, lambda known: measured(known.but(turn=turn)), search).but(turn=turn)
+
+    def answered(self, prior, measured, search):
+        """Do what `align` does, where `measured` asks the cells of a turn."""
         found = self.followed(prior, measured)
         if found.agreeing:
             return agreed(found)

@@ -19,7 +19,7 @@ COUNT, INFORMATION, PULL, MISFIT, PLACE, DISPARITY, STRUCTURE = range(len(QUANTI
 
 @banded(fastmath=FAST)
 def row_cells(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, d, robust_misfit,
-              scale, rows, columns, cells):
+              scale, rows, columns, turn, cells):
     """
     Ask the matched nodes of every cell by how much their rows disagree.
 
@@ -30,7 +30,7 @@ def row_cells(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     weight w. The cell asks for r = pull / information, px.
 
     A cell has CELL x CELL nodes; every NODE_STEP-th column counts. The n-th line of cells is asked
-    every CELL_STEP-th column, from 2 n modulo CELL_STEP on. cells, float32 (h, ceil(w /
+    every CELL_STEP-th column, from turn + 2 n modulo CELL_STEP on. cells, float32 (h, ceil(w /
     CELL_STEP), 7): number of compared nodes; information, px^-2; pull, px^-1; sums of their
     misfits, columns in the right image and disparities, px; and structure, the information that
     the left view would have at all its nodes, px^-2. Structure knows no match: there the scale
@@ -47,7 +47,7 @@ def row_cells(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
         top = PAD + line * CELL
         bottom = min(top + CELL, PAD + rows)
         for column in range(cells.shape[1]):
-            left = PAD + (column * CELL_STEP + (2 * line) % CELL_STEP) * CELL
+            left = PAD + (column * CELL_STEP + (turn + 2 * line) % CELL_STEP) * CELL
             right = min(left + CELL, PAD + columns)
             count, total, places, depths = F4(0), F4(0), F4(0), F4(0)
             gg, gh, hh, ge, he = F4(0), F4(0), F4(0), F4(0), F4(0)

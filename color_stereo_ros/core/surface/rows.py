@@ -27,7 +27,7 @@ class RowTracker:
 
     def __init__(self, grid, tuning, arena):
         """Allocate the cells."""
-        self.grid, self.before = grid, 0
+        self.grid, self.before, self.turn = grid, 0, 0
         warm()
         self.suit(tuning)
         lines, columns = (-(-count // CELL) for count in grid.nodes)
@@ -62,6 +62,7 @@ class RowTracker:
         alignment : Alignment
 
         """
+        self.turn = prior.turn
         cells = self.ask(views, planes, pair, brightness)
         least = self.tuning.least_information
         count, information = cells[..., COUNT], cells[..., INFORMATION]
@@ -100,13 +101,14 @@ class RowTracker:
         """Return the sums of all cells, over colors and brightness; see `measure`."""
         left, right, cells = views.left, views.right, self.cells
         row_cells(left.u, left.v, left.variance, right.u, right.v, right.variance, pair.matrix,
-                  planes.d, self.robust_misfit, pair.scale, *self.grid.nodes, cells)
+                  planes.d, self.robust_misfit, pair.scale, *self.grid.nodes,
+                  self.turn % CELL_STEP, cells)
         if brightness is not None and brightness.active:
             (left, left_var), (right, right_var) = brightness.planes
             same = np.eye(2, 3, dtype=F4)
             row_cells(left, np.zeros_like(left), left_var, right, np.zeros_like(right), right_var,
                       same, planes.d, self.robust_misfit, brightness.scale, *self.grid.nodes,
-                      self.more_cells)
+                      self.turn % CELL_STEP, self.more_cells)
             cells += self.more_cells
         return cells
 

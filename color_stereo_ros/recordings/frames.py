@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The frames of pattern_node in a recording, as the cameras saw them."""
+
+from ..errors import ImageError, RecordingError
+from ..messages.pairs import rgb_pair
+from .pairs import pairs_of
+
+INFO = 'pattern/info'
+NANOSECONDS = 1e9
+
+
+def read_recorded_frames(recording, stream, left, right, info, say):
+    """
+    Give the pairs of a recording to a FrameStream.
+
+    A pair has the time of its stamp, a text of pattern/info that at which it was recorded: both
+    clocks must be the same.
+
+    Parameters
+    ----------
+    recording : Recording
+    stream : FrameStream
+    left, right, info : str
+        Topics of the images and of pattern/info.
+    say : callable
+        Called with a sentence about a message that cannot be read.
+
+    Raises
+    ------
+    RecordingError
+        If the recording does not say what was shown.
+
+    """
+    if not recording.counts.get(info):
+        raise RecordingError(f'{recording.path}: holds no message of {info}, which says what the '
+                             'projector shows; record it, too')
+
+    def shown(message):
+        stream.shown(recording.decoded(message).data, message.time_ns / NANOSECONDS)
+
+    for pair in pairs_of(recording, left, right, say, {info: shown}):
+        try:
+            pair = rgb_pair(pair)
+        except ImageError as error:
+            say(str(error))
+            continue
+        stream.take(pair.left, pair.right, pair.stamp / NANOSECONDS)
