@@ -446,10 +446,10 @@ def test_nodes_are_sorted_by_what_both_say_and_the_better_plane_is_taken():
     third_odds[only_third == 0] = hopeless
     doubts, reason = np.array([0, 0.5, 0.25, 0.75], F4), np.full(shape, 3, np.uint8)
     out = np.zeros((5, *shape), F4)
-    codes, views, takes = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8), np.zeros(
+    codes, views, beyond = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8), np.zeros(
         shape, bool)
     decide(kind, possible, evidence, weighed, third_odds, doubts, *two, reason, *third, *out[:4],
-           out[4], codes, views, takes)
+           out[4], codes, views, beyond)
     use = TUNING.use
     for y, x in np.ndindex(rows, columns):
         at = y + PAD, x + PAD
@@ -470,7 +470,7 @@ def test_nodes_are_sorted_by_what_both_say_and_the_better_plane_is_taken():
             *(third if better else two)[:, at[0], at[1]],
             best - (0 if lost else doubts[which])], rtol=1e-6)
         agree = which in (AGREE, FIRM)
-        assert takes[at] == better and codes[at] == (Status.IMPLAUSIBLE if better else 3)
+        assert beyond[at] == (agree or better) and codes[at] == (Status.IMPLAUSIBLE if better else 3)
         assert views[at] == (1 if agree or not better else 0) + (2 if agree or better else 0)
     np.testing.assert_array_equal(out[4][inner][:, 0], out[4][PAD:PAD + rows, PAD - 1])
     np.testing.assert_array_equal(out[4][inner][:, -1], out[4][PAD:PAD + rows, PAD + columns])

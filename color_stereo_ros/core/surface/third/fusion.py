@@ -26,7 +26,7 @@ class Fused:
     views: np.ndarray
     """uint8, bits: 1 right camera, 2 projector."""
     beyond: np.ndarray
-    """bool, the place in the right image does not matter."""
+    """bool, the place in the right image does not matter: the third view sees the node."""
 
     def views_of(self, status):
         """Return `Measurement.views` at the pixels of a status image."""

@@ -147,15 +147,16 @@ def sort_nodes(k, two_d, third_d, odds, witness, firm, treated, evidence, kind, 
 @banded(fastmath=FAST)
 def decide(k, kind, possible, evidence, odds, third_odds, doubts, two_d, two_a, two_b, two_std,
            two_reason, third_d, third_a, third_b, third_std, d, a, b, std, log_odds, reason, views,
-           takes_third):
+           beyond):
     """
     Write which plane nodes get, and how far it is trusted.
 
     kind and possible as `sort_nodes` writes them, evidence[0] too. odds, third_odds, float32
     (rows, columns): log-odds of the planes of two cameras and of the third view, HOPELESS_ODDS
     where there is none; doubts float32 (4,), by kind. All others are framed, those after
-    third_std are written: float32, reason and views uint8, takes_third bool. Where both agree,
-    a node keeps at least the log-odds that the two cameras give it.
+    third_std are written: float32, reason and views uint8, beyond bool. Where both agree,
+    a node keeps at least the log-odds that the two cameras give it. A node that the third view
+    measures or confirms may lie beyond the right image: at its border one pixel of a node does.
 
     """
     rows, columns = kind.shape
@@ -181,6 +182,6 @@ def decide(k, kind, possible, evidence, odds, third_odds, doubts, two_d, two_a, 
             reason[y, x] = IMPLAUSIBLE if takes else two_reason[y, x]
             views[y, x] = (0 if takes & (not agree) else RIGHT_CAMERA) | (
                 PROJECTOR if takes | agree else 0)
-            takes_third[y, x] = takes
+            beyond[y, x] = takes | agree
         log_odds[y, PAD - 1] = log_odds[y, PAD]
         log_odds[y, PAD + columns] = log_odds[y, PAD + columns - 1]
