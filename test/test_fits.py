@@ -183,7 +183,7 @@ def projected_pair():
 def test_every_fit_gives_the_parameters_of_its_model(name):
     cyclic = {'slow': PatternSettings(type='sine'),
               'period': PatternSettings(type='sine', cycles=8)}
-    lit = name in ('third', 'doubts')
+    lit = name in ('third', 'doubts', 'certainty')
     pair = projected_pair() if lit else step(cyclic.get(name, PatternSettings()))
     fitted, report, *_ = run.FITS[name].fit([pair], options())
     assert set(fitted) == set(load_model(name).fitted)

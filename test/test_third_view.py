@@ -103,6 +103,15 @@ def test_the_third_view_measures_what_the_right_camera_does_not_see():
     assert cover(three) > cover(two) + 0.05
 
 
+def test_no_line_is_lost_where_the_right_image_ends():
+    three = measured(projector())
+    disparity, lit, _ = truth()
+    place = np.arange(disparity.shape[1]) - disparity
+    outside = lit & (place < 0) & (place > -1)
+    assert np.count_nonzero(outside) > 50
+    assert np.mean(np.isfinite(three.disparity[outside])) > 0.95
+
+
 def test_the_views_say_who_saw_a_pixel():
     two, three = measured(None), measured(projector())
     _, lit, visible = truth()
@@ -446,10 +455,11 @@ def test_nodes_are_sorted_by_what_both_say_and_the_better_plane_is_taken():
     third_odds[only_third == 0] = hopeless
     doubts, reason = np.array([0, 0.5, 0.25, 0.75], F4), np.full(shape, 3, np.uint8)
     out = np.zeros((5, *shape), F4)
-    codes, views, takes = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8), np.zeros(
+    codes, views, beyond = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8), np.zeros(
         shape, bool)
-    decide(kind, possible, evidence, weighed, third_odds, doubts, *two, reason, *third, *out[:4],
-           out[4], codes, views, takes)
+    certainty = np.array([1, 0.5, 1, 0.75], F4)
+    decide(kind, possible, evidence, weighed, third_odds, certainty, doubts, *two, reason, *third,
+           *out[:4], out[4], codes, views, beyond)
     use = TUNING.use
     for y, x in np.ndindex(rows, columns):
         at = y + PAD, x + PAD
@@ -465,12 +475,15 @@ def test_nodes_are_sorted_by_what_both_say_and_the_better_plane_is_taken():
         lost = which == APART and not may
         own = hopeless if lost else weighed[y, x]
         better = third_odds[y, x] > own or (which == AGREE and bounded < use.kept_odds)
-        best = max(own, third_odds[y, x], bounded if which == AGREE else hopeless)
+        best = max(own, third_odds[y, x])
+        best = max(best * (certainty[which] if best > 0 else 1),
+                   bounded if which == AGREE else hopeless)
         np.testing.assert_allclose(out[:, at[0], at[1]], [
             *(third if better else two)[:, at[0], at[1]],
             best - (0 if lost else doubts[which])], rtol=1e-6)
         agree = which in (AGREE, FIRM)
-        assert takes[at] == better and codes[at] == (Status.IMPLAUSIBLE if better else 3)
+        assert beyond[at] == (agree or better)
+        assert codes[at] == (Status.IMPLAUSIBLE if better else 3)
         assert views[at] == (1 if agree or not better else 0) + (2 if agree or better else 0)
     np.testing.assert_array_equal(out[4][inner][:, 0], out[4][PAD:PAD + rows, PAD - 1])
     np.testing.assert_array_equal(out[4][inner][:, -1], out[4][PAD:PAD + rows, PAD + columns])
@@ -488,6 +501,15 @@ def test_doubts_fade_where_two_cameras_expect_wrong_ranges():
     np.testing.assert_allclose(counts, [1, 0.5, 0], atol=1e-3)
     nothing = Verdict(odds, np.full(grid.shape, -5.0, F4), np.zeros(grid.shape, np.uint8))
     assert Fusion(grid).demanding(nothing) == 1
+
+
+def test_what_shares_the_left_image_is_less_certain_where_doubts_have_faded():
+    fusion = Fusion(stereo()._method.views.grid)
+    kept = TUNING.use.kept_certainty
+    assert kept < 1
+    np.testing.assert_allclose(fusion.certainty(F4(1)), 1)  # pairs that two cameras know well
+    np.testing.assert_allclose(fusion.certainty(F4(0))[[AGREE, FIRM, APART]], [kept, 1, kept])
+    np.testing.assert_allclose(fusion.certainty(F4(0.5))[AGREE], (1 + kept) / 2)
 
 
 def colored_nodes():

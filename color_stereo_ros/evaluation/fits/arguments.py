@@ -8,12 +8,14 @@ MODELS = {
     'period': 'log-odds of the right period under 16 sines: shares and odds',
     'third': 'log-odds of the projector as a third view, alone and beside two cameras',
     'doubts': 'what log-odds of three views lose, and in which pairs: doubts, expected_wrong',
+    'certainty': 'how certain the third view makes pairs that two cameras find hard: '
+                 'kept_certainty',
     'steps': 'log-odds that ranges lose beside steps in pairs that say little there: odds',
     'temper': 'log-odds under other than aperiodic colors: tempered_odds, tempered_factor, '
               'rough_odds',
     'quality': 'variance of planes by how well they fit around: pull_gain, uneven_power',
 }
-LIT = 'third', 'doubts', 'steps', 'temper', 'quality'
+LIT = 'third', 'doubts', 'certainty', 'steps', 'temper', 'quality'
 """Fits to the light of `evaluate --stress`."""
 
 

@@ -130,6 +130,12 @@ def fused_pixels(method, doubts, fading):
     """Return the Measurement of the last pair of a method under other doubts."""
     fusion = method.third.fusion
     fusion.doubts, fusion.fading = np.array([0, *doubts], np.float32), fading
+    return pixels_of(method)
+
+
+def pixels_of(method):
+    """Return the Measurement of the last pair of a method, weighed anew."""
+    fusion = method.third.fusion
     fused = fusion.fuse(method.third.found, method.trust.verdict, method.planes)
     return measured_pixels(fused.planes, fused.verdict, method.geometry, method.limits,
                            method.trust.least_odds, fused.beyond)

@@ -3,11 +3,12 @@
 
 from dataclasses import dataclass
 
-from . import doubts, pairs, period, quality, slow, spread, steps, temper, third, trust
+from . import certainty, doubts, pairs, period, quality, slow, spread, steps, temper, third, trust
 from .records import comparison, record, write_model
 
 FITS = {'trust': trust, 'slow': slow, 'spread': spread, 'period': period,
-        'third': third, 'doubts': doubts, 'steps': steps, 'temper': temper, 'quality': quality}
+        'third': third, 'doubts': doubts, 'certainty': certainty, 'steps': steps,
+        'temper': temper, 'quality': quality}
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ class Fused:
     views: np.ndarray
     """uint8, bits: 1 right camera, 2 projector."""
     beyond: np.ndarray
-    """bool, the place in the right image does not matter."""
+    """bool, the place in the right image does not matter: the third view sees the node."""
 
     def views_of(self, status):
         """Return `Measurement.views` at the pixels of a status image."""
@@ -105,6 +105,7 @@ class Fusion:
         self.third_form = forms['third_apart'][None]
         self.doubts = np.array([0, *TUNING.use.doubts], F4)  # by kind
         self.fading = TUNING.use.expected_wrong
+        self.kept_certainty = TUNING.use.kept_certainty
         self.own = np.zeros((len(OWN_EVIDENCE), *grid.nodes), F4)
         self.evidence = np.zeros((len(EVIDENCE), *grid.nodes), F4)
         self.odds, self.third_odds = np.zeros((2, *grid.nodes), F4)
@@ -228,12 +229,26 @@ class Fusion:
         weigh_forms(self.evidence, self.only_third, self.third_form, self.third_odds)
         fused, third = self.fused, found.planes
         std = self.std(third, F4(TUNING.spread.geometry_share) * found.geometry)
+        demanding = self.demanding(verdict)
         decide(self.kind, self.possible, self.evidence, self.odds, self.third_odds,
-               self.doubts * self.demanding(verdict), planes.d, planes.a, planes.b, verdict.std,
-               verdict.reason, third.d, third.a, third.b, std, fused.planes.d, fused.planes.a,
-               fused.planes.b, fused.verdict.std, fused.verdict.log_odds, fused.verdict.reason,
-               fused.views, fused.beyond)
+               self.certainty(demanding), self.doubts * demanding, planes.d, planes.a, planes.b,
+               verdict.std, verdict.reason, third.d, third.a, third.b, std, fused.planes.d,
+               fused.planes.a, fused.planes.b, fused.verdict.std, fused.verdict.log_odds,
+               fused.verdict.reason, fused.views, fused.beyond)
         return fused
+
+    def certainty(self, demanding):
+        """
+        Return by which factor log-odds above 0 count in a pair, float32 (4,), by kind.
+
+        Both pairs of views share the left image. Its blur, noise and compression move both planes
+        alike, so that they agree on wrong places, too. The third view therefore makes less certain
+        where doubts have faded. Hardly any range is lost: log-odds of 0 stay. What two cameras
+        know for certain stays, too.
+
+        """
+        kept = 1 - (1 - demanding) * F4(1 - self.kept_certainty)
+        return np.array([1, kept, 1, kept], F4)
 
     def demanding(self, verdict):
         """

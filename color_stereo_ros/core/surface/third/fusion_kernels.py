@@ -145,17 +145,19 @@ def sort_nodes(k, two_d, third_d, odds, witness, firm, treated, evidence, kind, 
 
 
 @banded(fastmath=FAST)
-def decide(k, kind, possible, evidence, odds, third_odds, doubts, two_d, two_a, two_b, two_std,
-           two_reason, third_d, third_a, third_b, third_std, d, a, b, std, log_odds, reason, views,
-           takes_third):
+def decide(k, kind, possible, evidence, odds, third_odds, certainty, doubts, two_d, two_a, two_b,
+           two_std, two_reason, third_d, third_a, third_b, third_std, d, a, b, std, log_odds,
+           reason, views, beyond):
     """
     Write which plane nodes get, and how far it is trusted.
 
     kind and possible as `sort_nodes` writes them, evidence[0] too. odds, third_odds, float32
     (rows, columns): log-odds of the planes of two cameras and of the third view, HOPELESS_ODDS
-    where there is none; doubts float32 (4,), by kind. All others are framed, those after
-    third_std are written: float32, reason and views uint8, takes_third bool. Where both agree,
-    a node keeps at least the log-odds that the two cameras give it.
+    where there is none. certainty and doubts, float32 (4,), by kind: factor of log-odds above 0,
+    and what log-odds lose. All others are framed, those after third_std are written:
+    float32, reason and views uint8, beyond bool. Where both agree, a node keeps at least the
+    log-odds that the two cameras give it. A node that the third view measures or confirms may lie
+    beyond the right image: at its border one pixel of a node does.
 
     """
     rows, columns = kind.shape
@@ -172,6 +174,7 @@ def decide(k, kind, possible, evidence, odds, third_odds, doubts, two_d, two_a, 
             takes = (third > two) | doubted
             agree = (which == AGREE) | (which == FIRM)
             best = max(two, third)
+            best *= certainty[which] if best > F4(0) else F4(1)
             best = max(best, evidence[0, row, column]) if which == AGREE else best
             log_odds[y, x] = best - (F4(0) if alone else doubts[which])
             d[y, x] = third_d[y, x] if takes else two_d[y, x]
@@ -181,6 +184,6 @@ def decide(k, kind, possible, evidence, odds, third_odds, doubts, two_d, two_a, 
             reason[y, x] = IMPLAUSIBLE if takes else two_reason[y, x]
             views[y, x] = (0 if takes & (not agree) else RIGHT_CAMERA) | (
                 PROJECTOR if takes | agree else 0)
-            takes_third[y, x] = takes
+            beyond[y, x] = takes | agree
         log_odds[y, PAD - 1] = log_odds[y, PAD]
         log_odds[y, PAD + columns] = log_odds[y, PAD + columns - 1]

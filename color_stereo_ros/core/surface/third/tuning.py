@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ...constants import chosen, constant, Constants, derived
 from ..fitted import load_model
 
-THIRD, DOUBTS = load_model('third'), load_model('doubts')
+THIRD, DOUBTS, CERTAINTY = (load_model(name) for name in ('third', 'doubts', 'certainty'))
 
 
 @dataclass(frozen=True)
@@ -189,6 +189,9 @@ class UseTuning(Constants):
         DOUBTS['expected_wrong'], '1', 'Share of its ranges that two cameras expect to be wrong, '
         'from their log-odds, from which doubts begin to fade, and from which there is none.',
         DOUBTS.provenance('expected_wrong'))
+    kept_certainty: float = constant(
+        CERTAINTY['kept_certainty'], '1', 'Factor of log-odds above 0 of what the third view '
+        'measures or confirms, in pairs without doubts.', CERTAINTY.provenance('kept_certainty'))
     told_step: int = constant(
         4, 'nodes', 'Distance of the nodes, across and down, whose log-odds tell that share.',
         derived('Some 3000 nodes of a VGA pair: known to a twentieth.'))
