@@ -79,7 +79,7 @@ class Recording:
         """Return the time between the first and the last message, s."""
         return max(self._source.duration_ns, 0) * 1e-9
 
-    def messages(self, topics=None):
+    def messages(self, topics=None, start=None, stop=None):
         """
         Yield every RecordedMessage in the order of time, also those that cannot be decoded.
 
@@ -87,6 +87,8 @@ class Recording:
         ----------
         topics : iterable of str or None
             Only these topics; None = all.
+        start, stop : int, optional
+            Only what was recorded from `start` on, and before `stop`, ns.
 
         Raises
         ------
@@ -96,7 +98,7 @@ class Recording:
         """
         wanted = set(self.topics if topics is None else topics)
         with self._explained():
-            for connection, time_ns, data, damage in self._source.messages(wanted):
+            for connection, time_ns, data, damage in self._source.messages(wanted, start, stop):
                 yield RecordedMessage(connection.topic, connection.msgtype, time_ns, data, damage)
 
     def decoded(self, message):
