@@ -15,6 +15,8 @@ from .working import forget_runs, measure_task
 
 DEATHS = 10
 """Processes that may be killed over one task; chosen: a machine in trouble, not the task."""
+STARTS = 3
+"""Tries to start the processes; chosen likewise."""
 ENVIRONMENT = {
     'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1',
     'MALLOC_TRIM_THRESHOLD_': str(1 << 28), 'MALLOC_MMAP_THRESHOLD_': str(1 << 25)}
@@ -65,7 +67,7 @@ def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda: None):
 def _client(workers, scheduler):
     """Yield a client of a scheduler, or of processes that are started for it."""
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout='10s')
@@ -77,9 +79,21 @@ def _client(workers, scheduler):
         return
     with dask.config.set({'distributed.nanny.pre-spawn-environ': ENVIRONMENT,
                           'distributed.scheduler.allowed-failures': DEATHS}), \
-            LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None,
-                         silence_logs=logging.CRITICAL) as cluster, Client(cluster) as client:
+            _local_cluster(workers) as cluster, Client(cluster) as client:
         yield client
+
+
+def _local_cluster(workers):
+    """Return a cluster of processes; one that is killed before it has begun is started again."""
+    from distributed import LocalCluster
+    for _ in range(STARTS):
+        try:
+            return LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None,
+                                silence_logs=logging.CRITICAL)
+        except RuntimeError as error:
+            reason = error
+    raise RecordingError(f'the processes of --workers {workers} do not start: {reason}; '
+                         '--workers 1 does without them')
 
 
 def _distributed(client, run, tasks):
