@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`color_stereo convert` by tasks: the result does not depend on who works, and nothing is lost."""
+"""`color_stereo convert` by tasks: the same result whoever works, and nothing is lost."""
 
 import os
 from pathlib import Path
@@ -209,7 +209,8 @@ def measuring():
     parents = {}
     for folder in Path('/proc').glob('[0-9]*'):
         try:
-            parents[int(folder.name)] = int((folder / 'stat').read_text().rpartition(')')[2].split()[1])
+            state = (folder / 'stat').read_text().rpartition(')')[2]
+            parents[int(folder.name)] = int(state.split()[1])
         except (OSError, ValueError):
             continue
     return [child for child, parent in parents.items()

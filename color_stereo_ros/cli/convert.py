@@ -17,11 +17,12 @@ def add_arguments(parser):
     parser.add_argument('result', help='rosbag2 folder to make; it appears when it is complete')
     parser.add_argument('--namespace', metavar='NAME', help='namespace of the cameras, needed '
                         'where a recording has several pairs; the outputs get it, too')
-    for option, what in zip(OPTIONS, ('images of the left camera', 'images of the right camera',
-                                      'camera_info of the left camera',
-                                      'camera_info of the right camera')):
-        parser.add_argument(option, metavar='TOPIC', help=f'topic of the {what}, where the '
-                            'recording has another name than range_node expects')
+    for option, what in zip(OPTIONS, (
+            'topic of the images of the left camera', 'topic of the images of the right camera',
+            'with --left-image: topic of the camera_info of the left camera',
+            'with --right-image: topic of the camera_info of the right camera')):
+        parser.add_argument(option, metavar='TOPIC', help=f'{what}, where the recording has '
+                            'another name than range_node expects')
     parser.add_argument('--topics', nargs='+', choices=list(OUTPUTS), metavar='TOPIC',
                         help=f'outputs of range_node to write, of {", ".join(OUTPUTS)} (default '
                         f'{" ".join(DEFAULT_TOPICS)}; {VIEWS} where the projector may be a third '
@@ -97,4 +98,6 @@ def told(result, conversion):
         warn(f'{tally.failed} pairs refused; the first: {tally.first_failure}')
     if plan.refusals:
         warn(f'{plan.refusals}; the first: {plan.refusals.first}')
+    if conversion.loss:
+        warn(f'{conversion.path} is damaged: {conversion.loss}')
     return PARTLY if tally.failed or plan.refusals or conversion.loss else None
