@@ -56,13 +56,15 @@ def bench_settings(calibration, disparities, method='surface', third_view='off')
                                'matching.third_view': third_view})
 
 
-def bench_pair(calibration):
+def bench_pair(calibration, seed=SEED):
     """
     Return the raw images of the scene.
 
     Parameters
     ----------
     calibration : StereoCalibration
+    seed : int
+        Of the noise.
 
     Returns
     -------
@@ -73,7 +75,7 @@ def bench_pair(calibration):
     geometry = calibration.geometry
     disparity, albedo = _scene(geometry.width, geometry.height)
     pattern = _projected(*disparity.shape)
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     return tuple(_photograph(camera, _seen(disparity, pattern, albedo, sign), rng)
                  for camera, sign in ((calibration.left, 0.5), (calibration.right, -0.5)))
 

@@ -2,12 +2,13 @@
 """By how much the cameras of a recording have moved since they were calibrated."""
 
 from ..errors import RecordingError
-from .offline import OfflineSensor
+from .measuring import make_stereo, PairSensor
+from .pairing import Pairing
 
 
-class DriftSensor(OfflineSensor):
+class DriftSensor:
     """
-    Measures the pairs of a recording as `OfflineSensor` does, and writes nothing.
+    Measures the pairs of a recording as the node does, and writes nothing.
 
     Parameters
     ----------
@@ -19,21 +20,46 @@ class DriftSensor(OfflineSensor):
     """
 
     def __init__(self, recording, topics, settings, say=print):
-        super().__init__(recording, None, topics, settings, None, say=say)
+        self._recording, self._settings = recording, settings
+        self._pairing = Pairing(recording, topics, settings, say)
+        self._sensor = PairSensor(topics, settings, say)
+        self._stereo = None
         self.health = None
         """The Health after the last pair; None: no pair was measured."""
+        self.calibration = None
+        """The StereoCalibration of the recording, or None."""
 
     @property
-    def calibration(self):
-        """Return the StereoCalibration of the recording, or None."""
-        return self._watch.calibration
+    def measured(self):
+        """Return how many pairs gave a result."""
+        return self._sensor.measured
 
-    def _recalibrate(self):
-        """Refuse a second calibration: the drift refers to one."""
-        if self.health is not None:
+    def take(self, message):
+        """
+        Take a RecordedMessage of one of the four input topics.
+
+        Raises
+        ------
+        RecordingError
+            If the calibration changes: the drift refers to one.
+
+        """
+        for pair in self._pairing.take(message):
+            self._use(pair.calibration)
+            result = self._sensor.measure(self._stereo, pair)
+            if result is not None:
+                self.health = result.health
+
+    def _use(self, calibration):
+        if self._stereo is None:
+            self.calibration = calibration
+            self._stereo = make_stereo(calibration, self._settings)
+        elif calibration is not self.calibration:
             raise RecordingError(f'{self._recording.path}: the calibration changes within the '
                                  'recording; the drift belongs to one calibration')
-        super()._recalibrate()
 
-    def _write(self, result, header, time_ns):
-        self.health = result.health
+    def finish(self):
+        """Raise RecordingError if not a single pair could be measured."""
+        if not self.measured:
+            reason = self._sensor.first_failure or self._pairing.reason()
+            raise RecordingError(f'{self._recording.path}: no pair could be measured: {reason}')

@@ -89,10 +89,10 @@ def _check_single(path, source):
                              f'metadata.yaml beside it says: give the folder {path.parent}')
 
 
-def _chosen(reader, topics):
+def _chosen(reader, topics, start, stop):
     """Return the messages of some topics; to `rosbags` an empty choice means all."""
     wanted = [item for item in reader.connections if item.topic in topics]
-    return reader.messages(wanted) if wanted else ()
+    return reader.messages(wanted, start, stop) if wanted else ()
 
 
 class Bag:
@@ -120,9 +120,9 @@ class Bag:
         """Return the time between the first and the last message, ns."""
         return self._reader.duration - 1
 
-    def messages(self, topics):
+    def messages(self, topics, start=None, stop=None):
         """Yield (connection, time in ns, CDR, what is wrong with it or None)."""
-        for connection, time_ns, data in _chosen(self._reader, topics):
+        for connection, time_ns, data in _chosen(self._reader, topics, start, stop):
             try:
                 decoded, damage = bytes(self._decoded(connection, data)), None
             except Exception:  # the decoder decides what it raises: nearly anything

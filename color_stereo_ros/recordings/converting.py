@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording of pairs in, a recording of outputs out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+import re
+from uuid import uuid4
+
+from .. import __version__
+from ..core.settings import flat, updated
+from ..errors import RecordingError
+from ..parameters.files import settings_text
+from .engine import run_tasks
+from .parts import Parts
+from .refusals import TOLD
+from .salvage import is_salvageable
+from .tasks import PAIRS, plan_of, tasks_of
+from .working import Run
+from .writing import check_writable
+
+FILES = 'color.calibration', 'health.covariance'
+"""Settings that name files: a worker may have another working folder."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """Who works, and what is done with a result that is there."""
+
+    workers: int = 1
+    """Processes of this machine."""
+    scheduler: str = None
+    """Address of a Dask scheduler; None: this machine works."""
+    overwrite: bool = False
+    """Replace the result, if it is a recording."""
+    resume: bool = False
+    """Go on with the parts of a run that was stopped."""
+    restart: bool = False
+    """Remove them."""
+
+
+@dataclass
+class Tally:
+    """How the pairs of a conversion fared."""
+
+    measured: int = 0
+    failed: int = 0
+    """Pairs that were refused."""
+    first_failure: str = None
+    """Which pair was refused first, and why, as text."""
+
+    def add(self, account):
+        """Add the account of a task."""
+        self.measured += account['measured']
+        self.failed += account['failed']
+        self.first_failure = self.first_failure or account['first_failure']
+
+
+class Teller:
+    """
+    Passes on what tasks say: of many sentences that differ in numbers only, the first ones.
+
+    Parameters
+    ----------
+    say : callable
+        Takes a sentence.
+
+    """
+
+    def __init__(self, say):
+        self._say, self._counts = say, {}
+
+    def tell(self, text):
+        """Say a sentence, unless its like was said often enough."""
+        kind = re.sub(r'\d[\d.]*', '#', text)
+        self._counts[kind] = self._counts.get(kind, 0) + 1
+        if self._counts[kind] <= TOLD:
+            self._say(text)
+
+
+class Conversion:
+    """
+    One run of `color_stereo convert`.
+
+    Parameters
+    ----------
+    recording : Recording
+    result : str or Path
+        Folder to make; it appears when it is complete.
+    topics : StereoTopics
+    settings : RangeNodeSettings
+    outputs : sequence of str or None
+        Relative topics to write, see OutputWriter.
+    namespace : str or None
+        Goes before the outputs; None = what the names of both images begin with.
+    work : Work
+
+    Raises
+    ------
+    RecordingError
+        If the result may not be written.
+
+    """
+
+    def __init__(self, recording, result, topics, settings, outputs=None, namespace=None,
+                 work=Work()):
+        check_writable(result, work.overwrite)
+        self._recording, self._result, self._topics = recording, Path(result), topics
+        files = {name: str(Path(flat(settings)[name]).resolve())
+                 for name in FILES if flat(settings)[name]}
+        self._settings = updated(settings, files)
+        self._outputs, self._work = outputs and tuple(outputs), work
+        self._namespace = (topics.common_namespace if namespace is None
+                           else f'/{namespace}/'.replace('//', '/'))
+        self._parts = Parts(self._result.resolve())
+        self.plan = None
+        """The Plan, once it is made."""
+        self.tally = Tally()
+
+    @property
+    def path(self):
+        """Return the path of the recording."""
+        return self._recording.path
+
+    @property
+    def loss(self):
+        """Return what cannot be read of a damaged recording, as text, or None."""
+        return self._recording.loss
+
+    def pair(self, say, tick=lambda message: None):
+        """Find the pairs, see `plan_of`; of a damaged recording, those that can be read."""
+        try:
+            self.plan = plan_of(self._recording, self._topics, self._settings, say, tick)
+        except RecordingError as error:
+            if self._recording.loss is not None or not is_salvageable(self._recording.path):
+                raise
+            self._recording.salvage()
+            say(f'{error}; read is what is whole: {self._recording.loss}')
+            self.plan = plan_of(self._recording, self._topics, self._settings, say, tick)
+        if not len(self.plan.rows):
+            raise RecordingError(f'{self._recording.path}: no pair could be measured: '
+                                 f'{self.plan.reason}')
+
+    def measure(self, say, tick=lambda count: None):
+        """
+        Measure the pairs and write the result.
+
+        Parameters
+        ----------
+        say : callable
+            Called with a sentence about a pair that is refused, or odd.
+        tick : callable
+            Called with a number of pairs that are done.
+
+        Raises
+        ------
+        RecordingError
+            If not a single pair could be measured: then there is no result to keep.
+
+        """
+        if self._work.restart:
+            self._parts.remove()
+        tasks = tasks_of(self.plan.rows, self._pairs_per_task)
+        with self._parts.opened(self._identity(), settings_text(flat(self._settings)),
+                                self.plan.calibrations, resume=self._work.resume):
+            try:
+                self._measure(tasks, Teller(say), tick)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(self._result)) from error
+            except BaseException:
+                if kept := len(self._parts.done()):
+                    say(f'{kept} of {len(tasks)} parts are done and kept; the same command with '
+                        '--resume goes on')
+                raise
+            if not self.tally.measured:
+                self._parts.remove()
+                raise RecordingError(
+                    f'{self._recording.path}: no pair could be measured: all '
+                    f'{self.tally.failed} pairs were refused; the first: '
+                    f'{self.tally.first_failure}')
+            self._parts.join(len(tasks), overwrite=self._work.overwrite)
+
+    @property
+    def _pairs_per_task(self):
+        """Return the pairs of a task: all, where each pair changes the geometry of the next."""
+        return None if self._settings.health.correct == 'apply' else PAIRS
+
+    def _measure(self, tasks, teller, tick):
+        alone = self._work.scheduler is None and min(self._work.workers, len(tasks)) <= 1
+        done = set(self._parts.done())
+        for index in done:
+            self.tally.add(self._parts.account(index))
+            tick(len(tasks[index].rows))
+        left = [task for task in tasks if task.index not in done]
+        for account in run_tasks(self._run(), left, workers=self._work.workers,
+                                 scheduler=self._work.scheduler, tick=lambda: tick(1)):
+            self.tally.add(account)
+            for text in account['said']:
+                teller.tell(text)
+            if not alone:
+                tick(len(tasks[account['index']].rows))
+
+    def _run(self):
+        return Run(str(self._recording.path.resolve()), str(self._parts.folder),
+                   self._topics.names, self._outputs, self._namespace, uuid4().hex,
+                   self._recording.loss is not None)
+
+    def _identity(self):
+        """Return what the parts depend on."""
+        path = self._recording.path.resolve()
+        files = sorted(path.iterdir()) if path.is_dir() else [path]
+        return {'version': __version__, 'recording': str(path),
+                'bytes': sum(file.stat().st_size for file in files if file.is_file()),
+                'pairs': len(self.plan.rows), 'topics': list(self._topics.names),
+                'outputs': self._outputs and list(self._outputs), 'namespace': self._namespace,
+                'settings': {name: value for name, value in flat(self._settings).items()}}

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Who measures the tasks of a conversion: this process, processes of this machine, or a cluster.
+
+Several processes are Dask's (extra [cluster]): it starts them, gives each one task after the
+other, and gives the task of a process that was killed to another one.
+
+"""
+
+from contextlib import contextmanager
+import logging
+
+from ..errors import RecordingError
+from .working import forget_runs, measure_task
+
+DEATHS = 10
+"""Processes that may be killed over one task; chosen: a machine in trouble, not the task."""
+STARTS = 3
+"""Tries to start the processes; chosen likewise."""
+ENVIRONMENT = {
+    'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1',
+    'MALLOC_TRIM_THRESHOLD_': str(1 << 28), 'MALLOC_MMAP_THRESHOLD_': str(1 << 25)}
+"""
+Of local processes: one thread each. Memory of images is kept, where Dask's own values would
+return and fetch it for each pair; that saves a quarter of the processor time (docs/scale.md).
+"""
+
+
+def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda: None):
+    """
+    Measure tasks, in any order.
+
+    Parameters
+    ----------
+    run : Run
+    tasks : list of Task
+    workers : int
+        Processes on this machine; 1 or a single task: this process measures.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as tcp://host:8786: its workers measure.
+    tick : callable
+        Called after each pair, where this process measures.
+
+    Yields
+    ------
+    account : dict
+        See `measure_task`.
+
+    Raises
+    ------
+    RecordingError
+        If a task fails, or its process is killed again and again.
+
+    """
+    if scheduler is None and min(workers, len(tasks)) <= 1:
+        try:
+            for task in tasks:
+                yield measure_task(run, task, tick)
+        finally:
+            forget_runs()
+        return
+    with _client(min(workers, len(tasks)), scheduler) as client:
+        yield from _distributed(client, run, tasks)
+
+
+@contextmanager
+def _client(workers, scheduler):
+    """Yield a client of a scheduler, or of processes that are started for it."""
+    import dask
+    from distributed import Client
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout='10s')
+        except (OSError, ValueError) as error:
+            raise RecordingError(f'{scheduler}: no Dask scheduler answers there; start one with '
+                                 '`dask scheduler`, or leave out --scheduler') from error
+        with client:
+            yield client
+        return
+    with dask.config.set({'distributed.nanny.pre-spawn-environ': ENVIRONMENT,
+                          'distributed.scheduler.allowed-failures': DEATHS}), \
+            _local_cluster(workers) as cluster, Client(cluster) as client:
+        yield client
+
+
+def _local_cluster(workers):
+    """Return a cluster of processes; one that is killed before it has begun is started again."""
+    from distributed import LocalCluster
+    for _ in range(STARTS):
+        try:
+            return LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None,
+                                silence_logs=logging.CRITICAL)
+        except RuntimeError as error:
+            reason = error
+    raise RecordingError(f'the processes of --workers {workers} do not start: {reason}; '
+                         '--workers 1 does without them')
+
+
+def _distributed(client, run, tasks):
+    from distributed import as_completed, KilledWorker
+    futures = client.map(measure_task, [run] * len(tasks), tasks, pure=False)
+    try:
+        for _, account in as_completed(futures, with_results=True):
+            yield account
+    except KilledWorker as error:
+        raise RecordingError(f'a task was given up, since {DEATHS} processes were killed while '
+                             f'they measured it: {error}') from error
+    finally:
+        client.cancel(futures)

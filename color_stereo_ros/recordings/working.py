@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a process does that measures tasks of a recording: one at a time, each into a part."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from .. import __version__
+from ..core import RecordingError, StereoCalibration
+from ..core.settings import updated
+from ..files.atomic import folder_written_whole, write_text
+from ..files.yaml import yaml_text
+from ..parameters.files import read_settings
+from ..parameters.groups import RangeNodeSettings
+from .measuring import make_stereo, OutputWriter, PairSensor
+from .reading import Recording
+from .tasks import read_pairs
+from .topics import StereoTopics
+from .writing import open_writer
+
+ACCOUNT = 'account.yaml'
+"""File of a part that tells how its task went."""
+SETTINGS = 'settings.yaml'
+_workers = {}
+
+
+def calibration_names(index):
+    """Return the names of both files of a calibration."""
+    return f'left_{index}.yaml', f'right_{index}.yaml'
+
+
+def part_name(index):
+    """Return the name of the folder of a part."""
+    return f'part_{index:06d}'
+
+
+@dataclass(frozen=True)
+class Run:
+    """
+    What all tasks of a conversion have in common; plain values, for any machine.
+
+    Settings and calibrations lie as YAML in the folder, which every process sees.
+    """
+
+    recording: str
+    folder: str
+    """Where the parts are written."""
+    topics: tuple
+    """Names of the four topics."""
+    outputs: tuple | None
+    """Relative topics to write, see OutputWriter."""
+    namespace: str
+    token: str
+    """Another one for each run: nothing is kept from one run to the next."""
+    salvaged: bool = False
+    """The recording is damaged: what can be read of it is taken."""
+    version: str = __version__
+
+
+def measure_task(run, task, tick=lambda: None):
+    """
+    Measure a task of a run and write its part, whole or not at all.
+
+    Parameters
+    ----------
+    run : Run
+    task : Task
+    tick : callable
+        Called after each pair.
+
+    Returns
+    -------
+    account : dict
+        index, measured, failed: int; first_failure: str or None; said: list of str.
+
+    Raises
+    ------
+    RecordingError
+        If recording or part cannot be read or written, or this process runs another version of
+        the package.
+
+    """
+    if run.version != __version__:
+        raise RecordingError(f'a worker has version {__version__} of color_stereo_ros, the '
+                             f'command has {run.version}: install the same everywhere')
+    if run.token not in _workers:
+        forget_runs()
+        _workers[run.token] = Worker(run)
+    return _workers[run.token].measure(task, tick)
+
+
+def forget_runs():
+    """Free what is kept from task to task."""
+    _workers.clear()
+
+
+class Worker:
+    """
+    Measures tasks of one run; what is expensive is made once.
+
+    Parameters
+    ----------
+    run : Run
+
+    """
+
+    def __init__(self, run):
+        self._run, self._folder = run, Path(run.folder)
+        self._topics = StereoTopics(*run.topics)
+        defaults = RangeNodeSettings()
+        self._settings = updated(defaults, read_settings(self._folder / SETTINGS, defaults))
+        self._index = self._stereo = self._calibration = self._settled = None
+
+    def measure(self, task, tick):
+        """Measure a task, see `measure_task`."""
+        self._use(task.calibration)
+        said, now = [], [0]
+        sensor = PairSensor(self._topics, self._settings, said.append, lambda: now[0] * 1e-9)
+        with Recording(self._run.recording, self._run.salvaged) as recording, \
+                folder_written_whole(self._folder / part_name(task.index), replace=True) as part:
+            self._begin(recording, task)
+            with open_writer(part) as writer:
+                outputs = OutputWriter(writer, self._settings, self._run.outputs,
+                                       self._run.namespace)
+                for pair in self._pairs(recording, task.rows):
+                    now[0] = pair.recorded
+                    result = sensor.measure(self._stereo, pair)
+                    if result is not None:
+                        outputs.write(result, pair)
+                    tick()
+            account = {'index': task.index, 'measured': sensor.measured, 'failed': sensor.failed,
+                       'first_failure': sensor.first_failure, 'said': said}
+            write_text(part / ACCOUNT, yaml_text(account))
+        return account
+
+    def _use(self, index):
+        """Make the ColorStereo of a calibration, unless it is the one in use."""
+        if index != self._index:
+            self._calibration = StereoCalibration.from_yaml(
+                *(self._folder / name for name in calibration_names(index)))
+            self._stereo = make_stereo(self._calibration, self._settings)
+            self._index, self._settled = index, None
+
+    def _begin(self, recording, task):
+        """Bring what is carried from pair to pair to the state before a task."""
+        stereo = self._stereo
+        stereo.reset()
+        if not len(task.settling):
+            return
+        if self._settled is None:
+            self._pass_over(recording, task.settling)
+            self._settled = stereo.alignment, stereo.projector, stereo.health
+        alignment, projector, health = self._settled
+        stereo.adopt(alignment)
+        stereo.adopt_projector(projector)
+        stereo.adopt_health(health)
+        self._pass_over(recording, task.warm_up)
+
+    def _pass_over(self, recording, rows):
+        """Measure pairs for what they show of the rig alone."""
+        sensor = PairSensor(self._topics, self._settings, say=lambda text: None)
+        for pair in self._pairs(recording, rows):
+            sensor.measure(self._stereo, pair)
+
+    def _pairs(self, recording, rows):
+        return read_pairs(recording, self._topics, rows, self._calibration)
+
+
+def read_account(part):
+    """Return the account in the folder of a part."""
+    return yaml.safe_load((Path(part) / ACCOUNT).read_text(encoding='utf-8'))

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`color_stereo convert` by tasks: the same result whoever works, and nothing is lost."""
+
+import os
+from pathlib import Path
+import signal
+import threading
+import time
+
+from color_stereo_ros.cli import main as cli
+from color_stereo_ros.core import Settings
+from color_stereo_ros.core.settings import flat
+from color_stereo_ros.parameters.groups import RangeNodeSettings
+from color_stereo_ros.recordings import converting, engine, tasks, working
+from color_stereo_ros.recordings.pairing import Place, Places
+from color_stereo_ros.recordings.reading import Recording
+from color_stereo_ros.recordings.writing import write_recording
+import numpy as np
+import projected
+import pytest
+from scenes import hue_pair, parallel_rig
+
+SECOND = 1_000_000_000
+COUNT = 7
+FEW = 2  # pairs of a task here
+PAPER = ['--matching.method', 'paper', '--pattern.type', 'sweep', '--color.smoothing', '0',
+         '--range.min_depth', '0.4', '--range.max_depth', '3']
+
+
+def surface_options():
+    """Return the options for the pairs of `projected`, third view included."""
+    pattern = projected.PATTERN
+    near, far = (projected.CALIBRATION.geometry.focal_baseline / disparity
+                 for disparity in projected.LIMITS[::-1])
+    return ['--pattern.width', str(pattern.width), '--pattern.height', str(pattern.height),
+            '--pattern.feature_size', str(pattern.feature_size),
+            '--range.min_depth', str(near), '--range.max_depth', str(far)]
+
+
+@pytest.fixture(scope='module')
+def lit(tmp_path_factory):
+    """Return a recording of pairs with a projector, each with noise of its own."""
+    path = tmp_path_factory.mktemp('tasks') / 'lit'
+    with write_recording(path) as writer:
+        for index in range(COUNT):
+            writer.write_pair((1 + index) * SECOND, *projected.pair(noise=1 + index),
+                              projected.CALIBRATION)
+    return path
+
+
+@pytest.fixture(scope='module')
+def cards(tmp_path_factory):
+    """Return a recording of small pairs for the paper's method."""
+    path = tmp_path_factory.mktemp('tasks') / 'cards'
+    with write_recording(path) as writer:
+        for index in range(COUNT):
+            writer.write_pair((1 + index) * SECOND, *hue_pair(6 + index), parallel_rig())
+    return path
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Let a task have few pairs."""
+    monkeypatch.setattr(converting, 'PAIRS', FEW)
+    monkeypatch.setattr(tasks, 'WARM_UP', 1)
+    monkeypatch.setattr(tasks, 'SETTLING', 2)
+
+
+def decoded(path):
+    """Return what a recording holds, in its order: topics, times, and every field as text."""
+    with Recording(path) as recording:
+        return [(message.topic, message.time_ns, fields(recording.decoded(message)))
+                for message in recording.messages()]
+
+
+def fields(content):
+    """Return a decoded message as something that can be compared."""
+    if isinstance(content, np.ndarray):
+        return content.tobytes()
+    if isinstance(content, list):
+        return [fields(item) for item in content]
+    if hasattr(content, '__dataclass_fields__'):
+        return {name: fields(getattr(content, name)) for name in content.__dataclass_fields__}
+    return content
+
+
+def test_every_pair_is_in_one_task_and_warm_up_comes_before_it():
+    rows = np.zeros(10, tasks.ROW)
+    rows['recorded'] = range(10)
+    rows['calibration'] = [0] * 7 + [1] * 3
+    made = tasks.tasks_of(rows, 3)
+    assert [list(task.rows['recorded']) for task in made] == [
+        [0, 1, 2], [3, 4, 5], [6], [7, 8, 9]]
+    assert [list(task.warm_up['recorded']) for task in made] == [[], [0, 1, 2], [3, 4, 5], []]
+    assert [len(task.settling) for task in made] == [0, 7, 7, 0]
+    assert [task.calibration for task in made] == [0, 0, 0, 1]
+    assert len(tasks.tasks_of(rows, None)) == 2
+
+
+def test_messages_of_one_time_have_different_places():
+    class Message:
+        def __init__(self, topic, time_ns):
+            self.topic, self.time_ns = topic, time_ns
+    places = Places()
+    rows = [('a', 5), ('b', 5), ('a', 5), ('a', 6)]
+    assert [places.of(Message(*row)) for row in rows] == [
+        Place(5, 0), Place(5, 0), Place(5, 1), Place(6, 0)]
+
+
+def test_one_process_two_processes_and_a_resumed_run_give_the_same(tmp_path, lit, few,
+                                                                    monkeypatch):
+    options = [*surface_options(), '--topics', 'points', 'depth/image', 'depth_std/image',
+               'confidence/image', 'status/image', 'views/image']
+    for name, workers in (('one', '1'), ('two', '2')):
+        assert cli.main(['convert', str(lit), str(tmp_path / name), *options,
+                         '--workers', workers]) == 0
+    one = decoded(tmp_path / 'one')
+    assert len(one) >= 6 * COUNT
+    assert decoded(tmp_path / 'two') == one
+    stopped_after(monkeypatch, 2)
+    words = ['convert', str(lit), str(tmp_path / 'resumed'), *options, '--workers', '1']
+    assert cli.main(words) == cli.INTERRUPTED
+    monkeypatch.undo()
+    monkeypatch.setattr(converting, 'PAIRS', FEW)
+    monkeypatch.setattr(tasks, 'WARM_UP', 1)
+    monkeypatch.setattr(tasks, 'SETTLING', 2)
+    assert cli.main([*words, '--resume']) == 0
+    assert decoded(tmp_path / 'resumed') == one
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['one', 'resumed', 'two']
+
+
+def stopped_after(monkeypatch, count):
+    """Let a run be interrupted after so many tasks."""
+    measure, done = working.measure_task, []
+
+    def measured(*arguments):
+        if len(done) == count:
+            raise KeyboardInterrupt
+        done.append(None)
+        return measure(*arguments)
+    monkeypatch.setattr(engine, 'measure_task', measured)
+
+
+def test_the_first_task_gives_what_a_node_gives_that_has_just_started(tmp_path, lit, few):
+    options = [*surface_options(), '--topics', 'depth/image', '--workers', '1']
+    assert cli.main(['convert', str(lit), str(tmp_path / 'tasks'), *options]) == 0
+    converted = [content['data'] for _, _, content in decoded(tmp_path / 'tasks')
+                 if 'data' in content][:FEW]
+    stereo = working.make_stereo(projected.CALIBRATION, RangeNodeSettings(
+        **{name: getattr(settings_of(options), name) for name in ('pattern', 'range')}))
+    depths = [stereo.process(*projected.pair(noise=1 + index)).depth.tobytes()
+              for index in range(FEW)]
+    assert converted == depths
+
+
+def settings_of(options):
+    """Return the core's settings of the options of a command line."""
+    names = {option[2:]: value for option, value in zip(options[::2], options[1::2])}
+    known = flat(Settings())
+    return Settings().updated({name: type(known[name])(float(value))
+                               for name, value in names.items() if name in known})
+
+
+def test_a_run_that_was_stopped_is_neither_mixed_with_another_nor_forgotten(
+        tmp_path, cards, few, monkeypatch, capsys):
+    words = ['convert', str(cards), str(tmp_path / 'result'), *PAPER, '--workers', '1']
+    with monkeypatch.context() as patched:
+        stopped_after(patched, 2)
+        assert cli.main(words) == cli.INTERRUPTED
+    assert '--resume' in capsys.readouterr().err
+    assert not (tmp_path / 'result').exists()
+    assert cli.main(words) == 1
+    assert '2 parts of an earlier run' in capsys.readouterr().err
+    assert cli.main([*words, '--resume', '--color.smoothing', '1']) == 1
+    assert 'of another run: settings was' in capsys.readouterr().err
+    assert cli.main([*words, '--color.smoothing', '1', '--restart']) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ['result']
+
+
+def test_a_killed_worker_costs_its_task_and_nothing_else(tmp_path, cards, few, effort):
+    words = ['convert', str(cards), str(tmp_path / 'alone'), *PAPER, '--workers', '1']
+    assert cli.main(words) == 0
+    expected = decoded(tmp_path / 'alone')
+    for seed in range(effort.count(1, 100)):
+        result = tmp_path / f'killed_{seed}'
+        delay = np.random.default_rng(seed).uniform(0, 3)
+        killer = threading.Thread(target=kill_a_worker, args=(result, delay))
+        killer.start()
+        status = cli.main([*words[:2], str(result), *words[3:-1], '2'])
+        killer.join()
+        assert status == 0 and decoded(result) == expected
+
+
+def kill_a_worker(result, delay):
+    """Kill one of the processes that measure, some time after the first one has begun."""
+    end = time.monotonic() + 60
+    while not (found := measuring()) and time.monotonic() < end:
+        time.sleep(0.05)
+    time.sleep(delay)
+    for process in measuring()[:1] or found[:1]:
+        try:
+            os.kill(process, signal.SIGKILL)
+        except ProcessLookupError:
+            pass
+
+
+def measuring():
+    """Return the processes of Dask below this one that measure."""
+    parents = {}
+    for folder in Path('/proc').glob('[0-9]*'):
+        try:
+            state = (folder / 'stat').read_text().rpartition(')')[2]
+            parents[int(folder.name)] = int(state.split()[1])
+        except (OSError, ValueError):
+            continue
+    return [child for child, parent in parents.items()
+            if parent == os.getpid() and b'spawn_main' in command_of(child)]
+
+
+def command_of(process):
+    """Return the command line of a process, empty if it has ended."""
+    try:
+        return Path(f'/proc/{process}/cmdline').read_bytes()
+    except OSError:
+        return b''
+
+
+def test_a_result_is_one_recording_of_several_files(tmp_path, cards, few):
+    assert cli.main(['convert', str(cards), str(tmp_path / 'result'), *PAPER,
+                     '--workers', '1']) == 0
+    assert sorted(path.name for path in (tmp_path / 'result').iterdir()) == [
+        'metadata.yaml', *(f'result_{index}.mcap' for index in range(4))]
+    with Recording(tmp_path / 'result') as recording:
+        assert recording.counts == {'/points': COUNT, '/depth/image': COUNT,
+                                    '/depth/camera_info': COUNT}
+        times = [message.time_ns for message in recording.messages(['/depth/image'])]
+    assert times == [(1 + index) * SECOND for index in range(COUNT)]
+
+
+@pytest.mark.parametrize('words, said', [
+    (['--workers', '0'], '--workers 0: expected 1 or more'),
+    (['--scheduler', 'tcp://127.0.0.1:1'], 'no Dask scheduler answers there')])
+def test_impossible_workers_are_refused(tmp_path, cards, capsys, words, said):
+    assert cli.main(['convert', str(cards), str(tmp_path / 'result'), *PAPER, *words])
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
