@@ -52,15 +52,16 @@ def run(args):
     from ..core import SettingsError
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.converting import Conversion
-    from ..recordings.reading import Recording
+    from ..recordings.reading import open_readable
     from ..recordings.topics import StereoTopics
     from .arguments import settings_from
+    from .main import warn
     from .progress import Progress
     settings = settings_from(args, RangeNodeSettings())
     if Path(args.recording).resolve() == Path(args.result).resolve():
         raise SettingsError(f'{args.result}: is the recording itself; name another folder for '
                             'the result')
-    with Recording(args.recording) as recording:
+    with open_readable(args.recording, warn) as recording:
         topics = recording.stereo_topics(args.namespace, StereoTopics(
             args.left_image, args.right_image, args.left_info, args.right_info),
             settings.input.transport == 'compressed')
@@ -96,4 +97,4 @@ def told(result, conversion):
         warn(f'{tally.failed} pairs refused; the first: {tally.first_failure}')
     if plan.refusals:
         warn(f'{plan.refusals}; the first: {plan.refusals.first}')
-    return PARTLY if tally.failed or plan.refusals else None
+    return PARTLY if tally.failed or plan.refusals or conversion.loss else None

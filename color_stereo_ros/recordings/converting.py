@@ -13,6 +13,7 @@ from ..parameters.files import settings_text
 from .engine import run_tasks
 from .parts import Parts
 from .refusals import TOLD
+from .salvage import is_salvageable
 from .tasks import PAIRS, plan_of, tasks_of
 from .working import Run
 from .writing import check_writable
@@ -115,9 +116,21 @@ class Conversion:
         """The Plan, once it is made."""
         self.tally = Tally()
 
+    @property
+    def loss(self):
+        """Return what cannot be read of a damaged recording, as text, or None."""
+        return self._recording.loss
+
     def pair(self, say, tick=lambda message: None):
-        """Find the pairs, see `plan_of`."""
-        self.plan = plan_of(self._recording, self._topics, self._settings, say, tick)
+        """Find the pairs, see `plan_of`; of a damaged recording, those that can be read."""
+        try:
+            self.plan = plan_of(self._recording, self._topics, self._settings, say, tick)
+        except RecordingError as error:
+            if self._recording.loss is not None or not is_salvageable(self._recording.path):
+                raise
+            self._recording.salvage()
+            say(f'{error}; read is what is whole: {self._recording.loss}')
+            self.plan = plan_of(self._recording, self._topics, self._settings, say, tick)
         if not len(self.plan.rows):
             raise RecordingError(f'{self._recording.path}: no pair could be measured: '
                                  f'{self.plan.reason}')
@@ -181,7 +194,8 @@ class Conversion:
 
     def _run(self):
         return Run(str(self._recording.path.resolve()), str(self._parts.folder),
-                   self._topics.names, self._outputs, self._namespace, uuid4().hex)
+                   self._topics.names, self._outputs, self._namespace, uuid4().hex,
+                   self._recording.loss is not None)
 
     def _identity(self):
         """Return what the parts depend on."""

@@ -53,6 +53,8 @@ class Run:
     namespace: str
     token: str
     """Another one for each run: nothing is kept from one run to the next."""
+    salvaged: bool = False
+    """The recording is damaged: what can be read of it is taken."""
     version: str = __version__
 
 
@@ -115,7 +117,7 @@ class Worker:
         self._use(task.calibration)
         said, now = [], [0]
         sensor = PairSensor(self._topics, self._settings, said.append, lambda: now[0] * 1e-9)
-        with Recording(self._run.recording) as recording, \
+        with Recording(self._run.recording, self._run.salvaged) as recording, \
                 folder_written_whole(self._folder / part_name(task.index), replace=True) as part:
             self._begin(recording, task)
             with open_writer(part) as writer:
