@@ -11,7 +11,7 @@ from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import Settings
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.parameters.groups import RangeNodeSettings
-from color_stereo_ros.recordings import converting, engine, tasks, working
+from color_stereo_ros.recordings import engine, tasks, working
 from color_stereo_ros.recordings.pairing import Place, Places
 from color_stereo_ros.recordings.reading import Recording
 from color_stereo_ros.recordings.writing import write_recording
@@ -61,7 +61,7 @@ def cards(tmp_path_factory):
 @pytest.fixture
 def few(monkeypatch):
     """Let a task have few pairs."""
-    monkeypatch.setattr(converting, 'PAIRS', FEW)
+    monkeypatch.setattr(tasks, 'PAIRS', FEW)
     monkeypatch.setattr(tasks, 'WARM_UP', 1)
     monkeypatch.setattr(tasks, 'SETTLING', 2)
 
@@ -121,7 +121,7 @@ def test_one_process_two_processes_and_a_resumed_run_give_the_same(tmp_path, lit
     words = ['convert', str(lit), str(tmp_path / 'resumed'), *options, '--workers', '1']
     assert cli.main(words) == cli.INTERRUPTED
     monkeypatch.undo()
-    monkeypatch.setattr(converting, 'PAIRS', FEW)
+    monkeypatch.setattr(tasks, 'PAIRS', FEW)
     monkeypatch.setattr(tasks, 'WARM_UP', 1)
     monkeypatch.setattr(tasks, 'SETTLING', 2)
     assert cli.main([*words, '--resume']) == 0
