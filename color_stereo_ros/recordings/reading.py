@@ -103,6 +103,11 @@ class Recording:
         self._source.close()
 
     @property
+    def start_ns(self):
+        """Return when the first message was recorded, ns; meaningless without messages."""
+        return self._source.start_ns
+
+    @property
     def duration(self):
         """Return the time between the first and the last message, s."""
         return max(self._source.duration_ns, 0) * 1e-9

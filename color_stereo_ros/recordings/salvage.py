@@ -102,10 +102,14 @@ class SalvagedMcap:
         self.connections = list(self._by_topic.values())
 
     @property
+    def start_ns(self):
+        """Return when the first message was recorded, ns."""
+        return min(piece.start for piece in self._pieces)
+
+    @property
     def duration_ns(self):
         """Return the time between the first and the last message, ns."""
-        return max(piece.end for piece in self._pieces) - min(
-            piece.start for piece in self._pieces)
+        return max(piece.end for piece in self._pieces) - self.start_ns
 
     @staticmethod
     def is_latched(connection):

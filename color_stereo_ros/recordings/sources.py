@@ -116,6 +116,11 @@ class Bag:
         return self._reader.connections
 
     @property
+    def start_ns(self):
+        """Return when the first message was recorded, ns."""
+        return self._reader.start_time
+
+    @property
     def duration_ns(self):
         """Return the time between the first and the last message, ns."""
         return self._reader.duration - 1
