@@ -144,14 +144,19 @@ class Inspection:
     def _sampled(self, topics):
         """Return the Sampler of the recording; of a damaged one, of what can be read."""
         sampler = self._sampler(topics)
-        sample = sampler.look()
-        if sample.damage and self._recording.loss is None and is_salvageable(
-                self._recording.path):
-            self.found['damage'] += sample.damage
+        damage = sampler.look().damage
+        if not damage or self._recording.loss or not is_salvageable(self._recording.path):
+            return sampler
+        self.found['damage'] += damage
+        damage.clear()
+        try:
             self._recording.salvage()
-            self.found['damage'].append(self._recording.loss)
-            sampler = self._sampler(topics)
-            sampler.look()
+        except RecordingError as error:
+            damage.append(str(error))
+            return sampler
+        self.found['damage'].append(self._recording.loss)
+        sampler = self._sampler(topics)
+        sampler.look()
         return sampler
 
     def _sampler(self, topics):
