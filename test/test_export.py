@@ -222,7 +222,7 @@ def test_odd_sizes_and_rates_are_filmed_and_other_sizes_refused(tmp_path):
             add(picture)
     frames, rate = frames_of(tmp_path / 'a.mp4')
     assert len(frames) == 3 and rate == pytest.approx(12.5) and frames[0].shape == (26, 34, 3)
-    with pytest.raises(ImageError, match='a picture of 32 x 25 px does not fit behind those of 33'):
+    with pytest.raises(ImageError, match='picture of 32 x 25 px does not fit behind those of 33'):
         with film(tmp_path / 'b.mp4', 1.0) as add:
             add(picture)
             add(picture[:, 1:])

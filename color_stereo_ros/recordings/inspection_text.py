@@ -50,11 +50,10 @@ def _pair(pair):
 
 
 def _pairing(pairing):
-    places = 'as a whole' if pairing['places'] == 1 else f'at {pairing["places"]} places'
+    read = 'all read' if pairing['places'] == 1 else f'read at {pairing["places"]} places'
     if pairing['share'] is None:
-        return f'looked at {places}: no image has a partner'
-    texts = [f'{pairing["share"]:.0%} of {pairing["images"]} images have a partner (looked at '
-             f'{places})']
+        return f'{read}: no image has a partner'
+    texts = [f'{pairing["share"]:.0%} of {pairing["images"]} images have a partner ({read})']
     if pairing['skew_largest'] is not None:
         texts.append(f'right after left by {pairing["skew_median"] * 1e3:.2f} ms (median), '
                      f'largest {pairing["skew_largest"] * 1e3:.2f} ms')
