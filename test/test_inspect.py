@@ -14,7 +14,9 @@ from color_stereo_ros.recordings.reading import Recording
 from color_stereo_ros.recordings.writing import write_recording
 import cv2
 import numpy as np
+import other_bags
 import pytest
+from rosbags.rosbag2 import CompressionMode
 from scenes import hue_pair, parallel_rig
 
 SECOND = 1_000_000_000
@@ -241,6 +243,19 @@ def test_a_camera_info_recorded_once_long_before_is_found(tmp_path, capsys):
     assert inspected(path, capsys)['calibration']['usable']
 
 
+@pytest.mark.parametrize('kind', ['SQLite', 'compressed messages', 'ROS 1'])
+def test_recordings_of_others_are_inspected(tmp_path, capsys, kind):
+    if kind == 'ROS 1':
+        path = other_bags.recorded_by_ros1(tmp_path / 'bag.bag') or tmp_path / 'bag.bag'
+    else:
+        mode = CompressionMode.MESSAGE if kind == 'compressed messages' else None
+        path = other_bags.recorded(tmp_path / 'bag', pairs=40, mode=mode)
+    found = inspected(path, capsys)
+    assert found['pairing']['share'] == 1 and found['pairing']['period'] == pytest.approx(0.1)
+    assert found['density']['depth_median'] == pytest.approx(other_bags.DEPTH, rel=0.01)
+    assert found['pairing']['places'] == (1 if kind == 'ROS 1' else sampling.PLACES)
+
+
 def gray(_, pixels, header):
     """Return the content of an image without colors."""
     return image(cv2.cvtColor(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB),
@@ -308,6 +323,18 @@ def test_a_file_that_ends_early_is_told_and_what_is_whole_is_measured(tmp_path, 
     found = inspected(path, capsys, status=cli.PARTLY)
     assert 'can be read up to byte' in ' '.join(found['damage'])
     assert found['usable'] and found['density']['mean'] > 0.5
+
+
+def test_a_cut_anywhere_is_told(tmp_path, capsys, effort):
+    path = record(tmp_path / 'bag', both(60))
+    content = (path / 'bag.mcap').read_bytes()
+    for seed in range(effort.count(4, 100)):
+        cut = int(np.random.default_rng(seed).integers(1, len(content)))
+        (path / 'bag.mcap').write_bytes(content[:cut])
+        status = cli.main(['inspect', str(path), *PAPER, '--json'])
+        found = json.loads(capsys.readouterr().out)
+        assert status == cli.PARTLY and found['damage'] or status == cli.FAILURE
+        assert found['usable'] or found['problems']
 
 
 def test_flipped_bytes_never_end_in_a_crash(tmp_path, capsys, effort):

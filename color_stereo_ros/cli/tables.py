@@ -168,8 +168,9 @@ def explained(provenance):
 
 
 TABLES = {'parameters': parameter_table, 'outputs': output_table, 'products': product_table,
-          'status': status_table, 'commands': command_table, 'tuning': tuning_table, 'paper_tuning': paper_tuning_table,
-          'row_tuning': row_tuning_table, 'health_tuning': health_tuning_table,
+          'status': status_table, 'commands': command_table, 'tuning': tuning_table,
+          'paper_tuning': paper_tuning_table, 'row_tuning': row_tuning_table,
+          'health_tuning': health_tuning_table,
           'projector_tuning': projector_tuning_table,
           'third_view_tuning': third_view_tuning_table, 'account_tuning': account_tuning_table,
           'disturbances': disturbance_table}
