@@ -151,9 +151,10 @@ def pack(folder):
 
 def test_the_extras_install_the_modules_that_the_messages_name():
     for extra, modules in cli.EXTRAS.items():
-        listed = re.search(rf"'{extra}': \[(.*?)\]", SETUP.replace('[fastrtps]', '')).group(1)
+        listed = re.search(rf"'{extra}': \[(.*?)\]", SETUP.replace('[fastrtps]', ''),
+                           re.DOTALL).group(1)
         for module in set(modules) & {'rosbags', 'matplotlib', 'tqdm', 'mitsuba', 'rclpy', 'viser',
-                                      'pygame'}:
+                                      'pygame', 'mcap', 'distributed'}:
             assert module in listed, (extra, module)
     assert 'tqdm' in re.search(r"'sim': \[(.*?)\]", SETUP).group(1)  # progress of `render`
 

@@ -56,15 +56,13 @@ class Help(argparse.HelpFormatter):
     Names the settings once in the usage line, instead of all forty; the list follows anyway.
 
     Options that only serve another option are left out, too: their help begins with its name.
-    So are those with an attribute `listed_only`.
 
     """
 
     def add_usage(self, usage, actions, groups, prefix=None):
         """Add the usage line."""
         short = [action for action in actions if '.' not in action.dest
-                 and not (action.help or '').startswith('with --')
-                 and not hasattr(action, 'listed_only')]
+                 and not (action.help or '').startswith('with --')]
         if len(short) < len(actions):
             short.append(argparse.Action(['--SETTING'], 'setting', metavar='VALUE'))
         super().add_usage(usage, short, groups, prefix)

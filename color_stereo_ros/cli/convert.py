@@ -87,4 +87,6 @@ def told(result, conversion):
         warn(f'{tally.failed} pairs refused; the first: {tally.first_failure}')
     if plan.refusals:
         warn(f'{plan.refusals}; the first: {plan.refusals.first}')
+    if conversion.loss:
+        warn(f'{conversion.path} is damaged: {conversion.loss}')
     return PARTLY if tally.failed or plan.refusals or conversion.loss else None

@@ -74,4 +74,6 @@ def told(folder, export, loss):
         warn(f'{sensor.failed} pairs refused; the first: {sensor.first_failure}')
     if plan.refusals:
         warn(f'{plan.refusals}; the first: {plan.refusals.first}')
+    if loss:
+        warn(f'the recording is damaged: {loss}')
     return PARTLY if sensor.failed or plan.refusals or loss else None

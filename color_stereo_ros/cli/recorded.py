@@ -9,14 +9,13 @@ def add_recording_arguments(parser, about_namespace=''):
                         'ROS 1 bag')
     topics = parser.add_argument_group('topics', 'where a recording has several pairs, or other '
                                        'names than range_node expects')
-    options = [topics.add_argument('--namespace', metavar='NAME', help='namespace of the cameras'
-                                   + about_namespace)]
-    for option, what in zip(OPTIONS, ('images of the left camera', 'images of the right camera',
-                                      'camera_info of the left camera',
-                                      'camera_info of the right camera')):
-        options.append(topics.add_argument(option, metavar='TOPIC', help=f'topic of the {what}'))
-    for option in options:
-        option.listed_only = True  # the usage line stays short
+    topics.add_argument('--namespace', metavar='NAME', help='namespace of the cameras'
+                        + about_namespace)
+    for option, what in zip(OPTIONS, (
+            'topic of the images of the left camera', 'topic of the images of the right camera',
+            'with --left-image: topic of the camera_info of the left camera',
+            'with --right-image: topic of the camera_info of the right camera')):
+        topics.add_argument(option, metavar='TOPIC', help=what)
 
 
 def named_topics(args):

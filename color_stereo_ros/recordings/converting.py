@@ -116,6 +116,11 @@ class Conversion:
         self.tally = Tally()
 
     @property
+    def path(self):
+        """Return the path of the recording."""
+        return self._recording.path
+
+    @property
     def loss(self):
         """Return what cannot be read of a damaged recording, as text, or None."""
         return self._recording.loss
@@ -148,6 +153,8 @@ class Conversion:
                                 self.plan.calibrations, resume=self._work.resume):
             try:
                 self._measure(tasks, Teller(say), tick)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(self._result)) from error
             except BaseException:
                 if kept := len(self._parts.done()):
                     say(f'{kept} of {len(tasks)} parts are done and kept; the same command with '

@@ -198,7 +198,7 @@ def open_readable(path, say):
     try:
         return Recording(path)
     except RecordingError as error:
-        if not is_salvageable(path):
+        if 'metadata.yaml' in str(error) or not is_salvageable(path):
             raise
         recording = Recording(path, salvaged=True)
         say(f'{error}; read is what is whole: {recording.loss}')

@@ -140,7 +140,8 @@ class SalvagedMcap:
         if summary is not None:
             known = {key: schema.name for key, schema in summary.schemas.items()}
             for channel in summary.channels.values():
-                self._learn(file, channel, known)
+                if channel.schema_id in known:
+                    self._learn(file, channel, known)
         for piece in sorted({*_scanned(file, self.loss), *_indexed(summary)}):
             try:
                 messages = self._parsed(file, *piece, known)
