@@ -4,6 +4,7 @@
 from dataclasses import asdict, dataclass, replace
 import json
 import shlex
+import sqlite3
 
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.cli.inspect import given_options
@@ -173,6 +174,27 @@ def test_missing_partners_gaps_and_stamps_that_go_back_are_told(tmp_path, capsys
     assert 'stamps lie before' in doubts and found['usable']
 
 
+@pytest.mark.parametrize('kind', ['MCAP', 'SQLite'])
+def test_a_pause_between_the_places_is_found_by_the_index(tmp_path, capsys, kind):
+    if kind == 'MCAP':
+        images = [(side, time_ns + 7 * SECOND * (place >= 180), stamp)
+                  for place, (side, time_ns, stamp) in enumerate(both(600))]
+        path = record(tmp_path / 'bag', images)
+    else:
+        path = other_bags.recorded(tmp_path / 'bag', pairs=100)
+        with sqlite3.connect(next(path.glob('*.db3'))) as connection:
+            connection.execute('UPDATE messages SET timestamp = timestamp + 7000000000 '
+                               'WHERE id > 30 * 4')
+        metadata = path / 'metadata.yaml'
+        metadata.write_text(metadata.read_text().replace('nanoseconds: 9900000000',
+                                                         'nanoseconds: 16900000000'))
+    found = inspected(path, capsys)
+    assert found['pairing']['places'] == sampling.PLACES and found['pairing']['gaps'] == 0
+    assert found['pairing']['pauses'] == 1
+    assert found['pairing']['pause_longest'] == pytest.approx(7.1)
+    assert '1 pauses of the left images, the longest of 7.10 s' in found['doubts']
+
+
 def test_images_without_stamps_pair_up_and_are_doubted(tmp_path, capsys):
     images = [(side, time_ns, 0) for side, time_ns, _ in both(4)]
     found = inspected(record(tmp_path / 'bag', images), capsys)
@@ -253,6 +275,10 @@ def test_recordings_of_others_are_inspected(tmp_path, capsys, kind):
     found = inspected(path, capsys)
     assert found['pairing']['share'] == 1 and found['pairing']['period'] == pytest.approx(0.1)
     assert found['density']['depth_median'] == pytest.approx(other_bags.DEPTH, rel=0.01)
+    assert found['pairing']['pauses'] == 0
+    with Recording(path) as recording:
+        times = recording.record_times('/left/image_raw')
+        assert len(times) == recording.counts['/left/image_raw'] and (np.diff(times) > 0).all()
     assert found['pairing']['places'] == (1 if kind == 'ROS 1' else sampling.PLACES)
 
 

@@ -30,6 +30,8 @@ STEP = 4
 """Every so many rows and columns show how bright a pair is, as in the node."""
 ENOUGH = 0.98
 """Share of the expected messages from which a recording counts as complete."""
+PAUSE, PAUSE_PERIODS = 0.5, 5
+"""s and frame periods without an image that are a pause: a busy recorder delays less."""
 
 
 class Inspection:
@@ -172,7 +174,7 @@ class Inspection:
         if sample.period:
             expected = recording.duration * 1e9 / sample.period + 1
             missing = max(0.0, 1 - recording.counts[topics.left_image] / expected)
-        skews = np.abs(sample.skews)
+        skews, pauses = np.abs(sample.skews), self._pauses(topics.left_image, sample.period)
         self.found['pairing'] = {
             'places': sample.windows, 'images': sample.images, 'share': sample.share,
             'skew_median': float(np.median(sample.skews)) * 1e-9 if len(skews) else None,
@@ -180,6 +182,7 @@ class Inspection:
             'period': sample.period and sample.period * 1e-9,
             'gaps': len(sample.gaps),
             'gap_longest': max(sample.gaps) * 1e-9 if sample.gaps else None,
+            'pauses': len(pauses), 'pause_longest': max(pauses, default=None),
             'missing': missing, 'stamps_backwards': sample.backwards,
             'stamps_zero': sample.without_stamp}
         if not sample.skews:
@@ -193,10 +196,22 @@ class Inspection:
                         'were recorded for a part of the time')
         elif missing is not None and missing > 1 - ENOUGH:
             self._doubt(f'about {missing:.0%} of the left images are missing in the recording')
+        if pauses:
+            self._doubt(f'{len(pauses)} pauses of the left images, the longest of '
+                        f'{max(pauses):.2f} s')
         if sample.backwards:
             self._doubt(f'{sample.backwards} stamps lie before the one before')
         if sample.without_stamp:
             self._doubt(f'{sample.without_stamp} images have no stamp')
+
+    def _pauses(self, topic, period):
+        """Return the pauses of a topic over the whole time, s, by when it was recorded."""
+        try:
+            steps = np.diff(self._recording.record_times(topic)) * 1e-9
+        except RecordingError as error:
+            self.found['damage'].append(str(error))
+            return []
+        return steps[steps > max(PAUSE, PAUSE_PERIODS * (period or 0) * 1e-9)].tolist()
 
     def _tell_calibration(self, watch):
         calibration, error = watch.calibration, watch.error

@@ -63,6 +63,8 @@ def _pairing(pairing):
     if pairing['gap_longest']:
         gaps += f', the longest {pairing["gap_longest"]:.3f} s'
     texts.append(gaps)
+    if pairing['pauses']:
+        texts.append(f'{pairing["pauses"]} pauses, the longest {pairing["pause_longest"]:.2f} s')
     if pairing['missing']:
         texts.append(f'about {pairing["missing"]:.1%} of all images missing')
     return '; '.join(texts)

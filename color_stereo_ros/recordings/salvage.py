@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 import struct
 
+import numpy as np
+
 from ..errors import RecordingError
 
 HEAD = struct.Struct('<BQ')  # of a record: kind and length
@@ -110,6 +112,11 @@ class SalvagedMcap:
     def duration_ns(self):
         """Return the time between the first and the last message, ns."""
         return max(piece.end for piece in self._pieces) - self.start_ns
+
+    @staticmethod
+    def record_times(_):
+        """Return no time: the index is not trusted."""
+        return np.empty(0, np.int64)
 
     @staticmethod
     def is_latched(connection):
