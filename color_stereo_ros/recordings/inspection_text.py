@@ -3,6 +3,8 @@
 
 WIDTH = 13
 """Characters of the first column."""
+LEAST_TOLD = 0.001
+"""Share of missing images that is told."""
 
 
 def inspection_text(found):
@@ -65,7 +67,7 @@ def _pairing(pairing):
     texts.append(gaps)
     if pairing['pauses']:
         texts.append(f'{pairing["pauses"]} pauses, the longest {pairing["pause_longest"]:.2f} s')
-    if pairing['missing']:
+    if (pairing['missing'] or 0) >= LEAST_TOLD:
         texts.append(f'about {pairing["missing"]:.1%} of all images missing')
     return '; '.join(texts)
 
