@@ -19,7 +19,7 @@ import numpy as np
 from ..core import StereoCalibration
 from ..errors import RecordingError
 from ..messages.reading import stamp_ns
-from .pairing import FoundPair, Pairing, Place, Places, Taken
+from .pairing import FoundPair, Pairing, Places, Taken
 from .salvage import is_salvageable
 
 PAIRS = 64
