@@ -82,6 +82,8 @@ WORKS = {
     'pattern': ((), ['pattern', 'p.png', '--pattern.width', '64', '--pattern.height', '64']),
     'process': ((), ['process', '--sample', '--output', 'processed']),
     'convert': (('tools',), ['convert', 'recorded', 'converted', *SETTINGS]),
+    'export': (('tools',), ['export', 'recorded', 'exported', *SETTINGS]),
+    'inspect': (('tools',), ['inspect', 'recorded', *SETTINGS]),
     'render': (('sim',), ['render', 'card.yaml', 'rendered', '--samples', '1', '--direct-only',
                           '--pattern.width', '64', '--pattern.height', '64']),
 }
@@ -98,6 +100,8 @@ def test_a_command_works_with_its_extras_alone(name, inputs):
 
 MISSES = {
     'convert': ('tools', ['convert', 'recorded', 'converted', '--overwrite']),
+    'export': ('tools', ['export', 'recorded', 'exported', '--overwrite']),
+    'inspect': ('tools', ['inspect', 'recorded']),
     'sample': ('tools', ['sample', 'truth', 'packed']),
     'render': ('sim', ['render', 'card.yaml', 'not_rendered']),
     'render, bag': ('tools', ['render', 'card.yaml', 'not_rendered', '--bag']),

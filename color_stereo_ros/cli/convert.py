@@ -10,19 +10,10 @@ def add_arguments(parser):
     from ..messages.outputs import OUTPUTS
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.measuring import DEFAULT_TOPICS, VIEWS
-    from ..recordings.topics import OPTIONS
     from .arguments import add_settings_arguments
-    parser.add_argument('recording', help='rosbag2 folder, a single .mcap or .db3 file, or a '
-                        'ROS 1 bag')
+    from .recorded import add_recording_arguments
+    add_recording_arguments(parser, ', which the outputs get, too')
     parser.add_argument('result', help='rosbag2 folder to make; it appears when it is complete')
-    parser.add_argument('--namespace', metavar='NAME', help='namespace of the cameras, needed '
-                        'where a recording has several pairs; the outputs get it, too')
-    for option, what in zip(OPTIONS, (
-            'topic of the images of the left camera', 'topic of the images of the right camera',
-            'with --left-image: topic of the camera_info of the left camera',
-            'with --right-image: topic of the camera_info of the right camera')):
-        parser.add_argument(option, metavar='TOPIC', help=f'{what}, where the recording has '
-                            'another name than range_node expects')
     parser.add_argument('--topics', nargs='+', choices=list(OUTPUTS), metavar='TOPIC',
                         help=f'outputs of range_node to write, of {", ".join(OUTPUTS)} (default '
                         f'{" ".join(DEFAULT_TOPICS)}; {VIEWS} where the projector may be a third '
@@ -54,18 +45,16 @@ def run(args):
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.converting import Conversion
     from ..recordings.reading import open_readable
-    from ..recordings.topics import StereoTopics
     from .arguments import settings_from
     from .main import warn
     from .progress import Progress
+    from .recorded import topics_of
     settings = settings_from(args, RangeNodeSettings())
     if Path(args.recording).resolve() == Path(args.result).resolve():
         raise SettingsError(f'{args.result}: is the recording itself; name another folder for '
                             'the result')
     with open_readable(args.recording, warn) as recording:
-        topics = recording.stereo_topics(args.namespace, StereoTopics(
-            args.left_image, args.right_image, args.left_info, args.right_info),
-            settings.input.transport == 'compressed')
+        topics = topics_of(args, recording, settings)
         conversion = Conversion(recording, args.result, topics, settings, args.topics,
                                 args.namespace, work_of(args))
         with Progress(total=sum(recording.counts[topic] for topic in topics.names),

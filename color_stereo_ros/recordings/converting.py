@@ -13,8 +13,7 @@ from ..parameters.files import settings_text
 from .engine import run_tasks
 from .parts import Parts
 from .refusals import TOLD
-from .salvage import is_salvageable
-from .tasks import PAIRS, plan_of, tasks_of
+from .tasks import pairs_per_task, readable_plan, tasks_of
 from .working import Run
 from .writing import check_writable
 
@@ -127,18 +126,8 @@ class Conversion:
         return self._recording.loss
 
     def pair(self, say, tick=lambda message: None):
-        """Find the pairs, see `plan_of`; of a damaged recording, those that can be read."""
-        try:
-            self.plan = plan_of(self._recording, self._topics, self._settings, say, tick)
-        except RecordingError as error:
-            if self._recording.loss is not None or not is_salvageable(self._recording.path):
-                raise
-            self._recording.salvage()
-            say(f'{error}; read is what is whole: {self._recording.loss}')
-            self.plan = plan_of(self._recording, self._topics, self._settings, say, tick)
-        if not len(self.plan.rows):
-            raise RecordingError(f'{self._recording.path}: no pair could be measured: '
-                                 f'{self.plan.reason}')
+        """Find the pairs, see `readable_plan`."""
+        self.plan = readable_plan(self._recording, self._topics, self._settings, say, tick)
 
     def measure(self, say, tick=lambda count: None):
         """
@@ -159,7 +148,7 @@ class Conversion:
         """
         if self._work.restart:
             self._parts.remove()
-        tasks = tasks_of(self.plan.rows, self._pairs_per_task)
+        tasks = tasks_of(self.plan.rows, pairs_per_task(self._settings))
         with self._parts.opened(self._identity(), settings_text(flat(self._settings)),
                                 self.plan.calibrations, resume=self._work.resume):
             try:
@@ -178,11 +167,6 @@ class Conversion:
                     f'{self.tally.failed} pairs were refused; the first: '
                     f'{self.tally.first_failure}')
             self._parts.join(len(tasks), overwrite=self._work.overwrite)
-
-    @property
-    def _pairs_per_task(self):
-        """Return the pairs of a task: all, where each pair changes the geometry of the next."""
-        return None if self._settings.health.correct == 'apply' else PAIRS
 
     def _measure(self, tasks, teller, tick):
         alone = self._work.scheduler is None and min(self._work.workers, len(tasks)) <= 1

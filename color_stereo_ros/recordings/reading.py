@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 import re
 
+import numpy as np
+
 from ..errors import RecordingError
 from .salvage import is_salvageable, SalvagedMcap
 from .sources import opened
@@ -103,9 +105,27 @@ class Recording:
         self._source.close()
 
     @property
+    def start_ns(self):
+        """Return when the first message was recorded, ns; meaningless without messages."""
+        return self._source.start_ns
+
+    @property
     def duration(self):
         """Return the time between the first and the last message, s."""
         return max(self._source.duration_ns, 0) * 1e-9
+
+    def record_times(self, topic):
+        """
+        Return when the messages of a topic were recorded, without reading them.
+
+        Returns
+        -------
+        times : numpy.ndarray, int64, shape (n,)
+            ns, in order; empty where the file has no index.
+
+        """
+        with self._explained():
+            return np.sort(self._source.record_times(topic))
 
     def messages(self, topics=None, start=None, stop=None):
         """

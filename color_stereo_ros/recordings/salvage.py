@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 import struct
 
+import numpy as np
+
 from ..errors import RecordingError
 
 HEAD = struct.Struct('<BQ')  # of a record: kind and length
@@ -102,10 +104,19 @@ class SalvagedMcap:
         self.connections = list(self._by_topic.values())
 
     @property
+    def start_ns(self):
+        """Return when the first message was recorded, ns."""
+        return min(piece.start for piece in self._pieces)
+
+    @property
     def duration_ns(self):
         """Return the time between the first and the last message, ns."""
-        return max(piece.end for piece in self._pieces) - min(
-            piece.start for piece in self._pieces)
+        return max(piece.end for piece in self._pieces) - self.start_ns
+
+    @staticmethod
+    def record_times(_):
+        """Return no time: the index is not trusted."""
+        return np.empty(0, np.int64)
 
     @staticmethod
     def is_latched(connection):
@@ -136,7 +147,8 @@ class SalvagedMcap:
         if summary is not None:
             known = {key: schema.name for key, schema in summary.schemas.items()}
             for channel in summary.channels.values():
-                self._learn(file, channel, known)
+                if channel.schema_id in known:
+                    self._learn(file, channel, known)
         for piece in sorted({*_scanned(file, self.loss), *_indexed(summary)}):
             try:
                 messages = self._parsed(file, *piece, known)
