@@ -336,10 +336,11 @@ def test_a_missing_model_is_refused():
 
 def test_all_models_that_ship_are_in_the_tuning():
     shipped = {path.stem for path in fitted.MODELS.glob('*.yaml')}
-    assert shipped == {'trust', 'slow', 'spread', 'period', 'third', 'doubts', 'certainty', 'steps',
-                       'temper', 'quality'}
+    assert shipped == {'trust', 'slow', 'spread', 'period', 'third', 'doubts', 'certainty',
+                       'steps', 'temper', 'quality'}
     assert third.TUNING.use.doubts == fitted.load_model('doubts')['doubts']
-    assert third.TUNING.use.kept_certainty == fitted.load_model('certainty')['kept_certainty']
+    kept = fitted.load_model('certainty')['kept_certainty']
+    assert third.TUNING.use.kept_certainty == kept
     assert TUNING.steps.odds == fitted.load_model('steps')['odds']
     assert TUNING.trust.rough_odds == fitted.load_model('temper')['rough_odds']
     assert TUNING.quality.pull_gain == fitted.load_model('quality')['pull_gain']
