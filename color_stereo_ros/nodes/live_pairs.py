@@ -84,6 +84,14 @@ class LivePairs:
             except ImageError as error:
                 say(str(error))
 
+    def latest(self):
+        """Return the latest pair of RGB images that nobody took, or None; unreadable: None."""
+        pair = self._slot.take(0.0)
+        try:
+            return pair and rgb_pair(pair)
+        except ImageError:
+            return None
+
     def _complaint(self):
         """Say why no pair comes, or None."""
         text = self._synchronizer.complaint(PATIENCE)
