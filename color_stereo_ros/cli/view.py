@@ -144,7 +144,7 @@ def numbers(text, count):
         parts = word.strip().split(':')
         try:
             values = [int(part) if part else None for part in parts]
-            chosen = (range(count)[slice(*values)] if len(parts) in (2, 3)
+            chosen = (range(count)[slice(*values)] if len(parts) > 1
                       else [range(count)[values[0]]])
         except (ValueError, IndexError, TypeError) as error:
             raise SettingsError(f'--frames {text}: {word.strip()!r} names none of the pairs 0 .. '

@@ -7,11 +7,15 @@ from functools import cached_property
 import numpy as np
 
 from ..core.cameras.rectification import raw_coordinates
+from ..core.false_color import automatic_limits
 from ..core.health.drift import corrected
 from ..core.rows.alignment import terms
 
 NEAR = 1.5
 """px; chosen: so far may a match lie from the pixel of the right image that was clicked."""
+
+STEP, MOST = 4, 95
+"""px, percentile; chosen: every fourth pixel of every fourth row tells it within a percent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,21 @@ class Frame:
     def points(self):
         """Return the points, float32 (H, W, 3), m; NaN = unknown."""
         return self.result.points()
+
+    @cached_property
+    def depth_limits(self):
+        """Return between which depths nearly all points lie, m."""
+        return automatic_limits(self.result.depth) or (0.0, 1.0)
+
+    @cached_property
+    def largest_std(self):
+        """Return the standard deviation of the depth that hardly any pixel exceeds, m."""
+        part = np.s_[::STEP, ::STEP]
+        depth, shift = self.result.depth[part], self.result.disparity_std[part]
+        # as RangeResult.depth_std, which would be made of all pixels
+        std = depth * depth * shift / self.result.geometry.focal_baseline
+        known = std[np.isfinite(std)]
+        return float(np.percentile(known, MOST)) if known.size else 1e-3
 
     @cached_property
     def _maps(self):

@@ -19,7 +19,7 @@ TITLE = 'color_stereo view'
 VIEWS = {'All': 'all', 'Points': 'points', 'Pictures': 'pictures'}
 PERIOD = 0.2
 """s between two frames that play; chosen: browsers without a graphics card draw as many."""
-MOVING_POINTS, MOVING_WIDTH = 40_000, 200
+MOVING_POINTS, MOVING_WIDTH = 30_000, 160
 """Points, and px of a picture, while frames follow each other; chosen: 8 ms of a processor."""
 HALF, ZOOM = 12, 8
 """px around a pixel, and how much larger they are shown."""
@@ -275,8 +275,7 @@ class ViewPage(ServedPage):
             except ColorStereoError as error:
                 self._plane.content = str(error)
                 return
-            points = plane.center + [0, 0, -1e-9]
-            self.scene.sheet('plane', points, plane.normal, 0.15 * self.scene.wall.depth)
+            self.scene.sheet('plane', plane.center, plane.normal, 4 * plane.rms)
             self._plane.content = about_plane(plane)
 
     def _inside(self, event):

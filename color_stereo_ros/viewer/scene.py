@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from ..core.false_color import automatic_limits
+from ..core.triangulation import rays
 from ..pages.serving import QUALITY
-from .pictures import pictures_of, point_colors
+from .pictures import legends_of, pictures_of, point_colors
 from .wall import FIELD, Wall
 
 MARK = (214, 39, 110)
@@ -13,6 +13,10 @@ SECOND = (20, 120, 220)
 PLANE = (20, 150, 90)
 MARK_SIZE = 0.012
 """Of the depth; chosen: visible, and hides little."""
+SHEET = 0.15
+"""Size of the sheet of a plane, of the depth; chosen: its tilt shows."""
+TITLE = 0.065
+"""Height of a title, of that of its picture; chosen: it fits between two pictures."""
 FRONT = 0.002
 """Of the depth: so far before a picture its marks are."""
 
@@ -33,13 +37,12 @@ class Scene:
 
     def __init__(self, server, frame, precision='float32'):
         self._server, self._precision = server, precision
-        limits = automatic_limits(frame.result.depth)
-        self.wall = Wall(frame.result.geometry, 0.5 * sum(limits) if limits else 0.5)
+        self.wall = Wall(frame.result.geometry, 0.5 * sum(frame.depth_limits))
         server.scene.set_up_direction('-y')
         server.scene.world_axes.visible = False
         self._camera()
         self._points = None
-        self._pictures, self._titles, self._marks = {}, {}, {}
+        self._pictures, self._titles, self._legends, self._marks = {}, {}, {}, {}
         self.colors, self.point_size = 'camera', 1.0
 
     def _camera(self):
@@ -62,15 +65,20 @@ class Scene:
         with self._server.atomic():
             self.show_points(frame, step)
             self._show_pictures(pictures_of(frame, picture_step))
+            self._show_legends(legends_of(frame))
 
     def show_points(self, frame, step=1):
         """Show the points of a frame in the colors that are chosen."""
         part = np.s_[::step, ::step]
-        points = frame.points[part]
-        known = np.isfinite(points[..., 2])
-        points = points[known]
+        geometry = frame.result.geometry
+        known = np.isfinite(frame.result.depth[part])
+        # points are made of the pixels that are shown
+        rays_x, rays_y = (each[::step] for each in rays(geometry))
+        rows, columns = np.nonzero(known)
+        depth = frame.result.depth[part][known]
+        points = np.column_stack((depth * rays_x[columns], depth * rays_y[rows], depth))
         colors = point_colors(frame, self.colors)[part][known]
-        size = self.point_size * step * self.wall.depth / frame.result.geometry.focal_x
+        size = self.point_size * step * self.wall.depth / geometry.focal_x
         if self._points is None:
             self._points = self._server.scene.add_point_cloud(
                 '/points', points, colors, precision=self._precision, point_size=size,
@@ -80,27 +88,40 @@ class Scene:
         self._points.point_size = size
 
     def _show_pictures(self, pictures):
-        for name, picture in pictures.items():
-            place, scene = self.wall.places[name], self._server.scene
-            height, width = picture.image.shape[:2]
-            across = place.width * width / picture.width
-            middle = (place.corner[0] + across / 2, place.corner[1] + place.height / 2,
-                      self.wall.depth)
+        for name, (title, image) in pictures.items():
             if name not in self._pictures:
-                self._pictures[name] = scene.add_image(
-                    f'/pictures/{name}', picture.image, across, place.height, position=middle,
-                    format='jpeg', jpeg_quality=QUALITY, cast_shadow=False, receive_shadow=False)
-                self._titles[name] = scene.add_label(
-                    f'/titles/{name}', picture.title, anchor='bottom-left',
+                place = self.wall.places[name]
+                self._pictures[name] = self._picture(f'/pictures/{name}', image, place.corner,
+                                                     place.width, place.height)
+                self._titles[name] = self._server.scene.add_label(
+                    f'/titles/{name}', title, anchor='bottom-left',
                     position=(*place.corner, self.wall.depth), font_size_mode='scene',
-                    font_scene_height=0.065 * place.height)
+                    font_scene_height=TITLE * place.height)
                 continue
-            handle = self._pictures[name]
-            handle.image = picture.image
-            handle.render_width, handle.position = across, middle
-            self._titles[name].text = picture.title
+            self._pictures[name].image = image
+            if self._titles[name].text != title:
+                self._titles[name].text = title
         for name, handle in self._pictures.items():
-            handle.visible = self._titles[name].visible = name in pictures
+            if handle.visible != (name in pictures):
+                handle.visible = self._titles[name].visible = name in pictures
+
+    def _picture(self, name, image, corner, width, height):
+        """Add an image with its upper left corner at a place of the wall."""
+        return self._server.scene.add_image(
+            name, image, width, height, format='jpeg', jpeg_quality=QUALITY, cast_shadow=False,
+            receive_shadow=False,
+            position=(corner[0] + width / 2, corner[1] + height / 2, self.wall.depth))
+
+    def _show_legends(self, legends):
+        """Show strips beside their pictures, those that are not there yet."""
+        for name, strip in legends.items():
+            if np.array_equal(self._legends.get(name), strip):
+                continue
+            self._legends[name] = strip
+            place = self.wall.places[name]
+            self._picture(f'/legends/{name}', strip, (place.corner[0] + place.width,
+                                                      place.corner[1]),
+                          place.height * strip.shape[1] / strip.shape[0], place.height)
 
     def mark(self, name, spots, color=MARK):
         """
@@ -134,9 +155,22 @@ class Scene:
             scene.add_label(f'/marks/{name}/text', text, position=ends[0].mean(axis=0),
                             anchor='bottom-center')]
 
-    def sheet(self, name, center, normal, size):
-        """Draw a square sheet; `unmark` removes it."""
+    def sheet(self, name, center, normal, before):
+        """
+        Draw a square sheet; `unmark` removes it.
+
+        Parameters
+        ----------
+        name : str
+        center, normal : numpy.ndarray, float64, shape (3,)
+            m; unit.
+        before : float
+            m along the normal, so that points of the plane do not hide it.
+
+        """
         self.unmark(name)
+        size = SHEET * self.wall.depth
+        center = center + (before + FRONT * self.wall.depth) * normal
         first = np.cross(normal, (0.0, 1.0, 0.0))
         first /= np.linalg.norm(first)
         second = np.cross(normal, first)

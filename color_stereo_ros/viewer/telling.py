@@ -7,6 +7,7 @@ import numpy as np
 
 from ..core.account import rows_in_words, status_shares
 from ..core.status import Status
+from .frame import STEP
 
 SEEN_BY = {0: 'nobody else', 1: 'the right camera', 2: 'the projector',
            3: 'the right camera and the projector'}
@@ -21,11 +22,13 @@ def table(rows):
 
 
 def about_frame(frame):
-    """Return what a frame is and how much of it has a range."""
+    """Return what a frame is and how much of it has a range; a part of the pixels tells."""
     result = frame.result
-    shares = status_shares(result.status)
-    lines = [f'**{frame.name}**', f'{100 * result.density:.1f} % of the pixels have a range']
-    known = result.depth[np.isfinite(result.depth)]
+    part = np.s_[::STEP, ::STEP]
+    shares = status_shares(result.status[part])
+    lines = [f'**{frame.name}**', f'{100 * shares[Status.VALID.label]:.1f} % of the pixels have a range']
+    depth = result.depth[part]
+    known = depth[np.isfinite(depth)]
     if known.size:
         near, middle, far = np.percentile(known, (1, 50, 99))
         lines.append(f'depth: median {middle:.4g} m, nearly all {near:.4g} .. {far:.4g} m')

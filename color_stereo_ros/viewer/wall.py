@@ -13,12 +13,12 @@ import numpy as np
 
 from .pictures import NAMES
 
-ACROSS = 1.08, 1.42
-"""Place for a picture in each column, of its width without legend; chosen: legends fit."""
-COLUMNS = len(ACROSS)
+COLUMNS = 2
 ROWS = -(-len(NAMES) // COLUMNS)
 GAP = 0.12
 """Between pictures, of their height; chosen: a line of text fits."""
+BESIDE = 0.75
+"""Place for a legend, of the height of its picture; chosen: that of the status fits."""
 TALL = 1.5
 """Height of the wall, of that of the field of view; chosen: half of the window is points."""
 FIELD = np.radians(50.0)
@@ -27,7 +27,7 @@ FIELD = np.radians(50.0)
 
 @dataclass(frozen=True)
 class Place:
-    """Where a picture stands: its first w columns, without the legend."""
+    """Where a picture stands."""
 
     corner: tuple
     """x, y of the upper left corner, m."""
@@ -59,13 +59,16 @@ class Wall:
         cell = TALL * (bottom - top) / ROWS
         height = cell / (1 + GAP)
         width = height * geometry.width / geometry.height
-        first = left - 0.06 * (right - left) - sum(ACROSS) * width
+        # legends are beside the pictures of the second column
+        columns = 0.0, width + GAP * height
+        across = columns[1] + width + BESIDE * height
+        first = left - GAP * height - across
         above = (top + bottom) / 2 - TALL * (bottom - top) / 2 + GAP * height
         self.places = {
-            name: Place((first + sum(ACROSS[:at % COLUMNS]) * width,
-                         above + (at // COLUMNS) * cell), width, height)
+            name: Place((first + columns[at % COLUMNS], above + (at // COLUMNS) * cell),
+                        width, height)
             for at, name in enumerate(NAMES)}
-        self._pictures = (first, above - GAP * height, first + sum(ACROSS) * width,
+        self._pictures = (first, above - GAP * height, first + across,
                           above - GAP * height + ROWS * cell)
 
     def pixel_of(self, origin, direction):
@@ -101,7 +104,7 @@ class Wall:
         return np.array([place.corner[0] + (x + 0.5) / width * place.width,
                          place.corner[1] + (y + 0.5) / height * place.height, self.depth])
 
-    def camera(self, view='all', aspect=1.25):
+    def camera(self, view='all', aspect=1.15):
         """
         Return from where all, the points or the pictures are seen as a whole.
 
