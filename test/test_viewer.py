@@ -30,6 +30,7 @@ FLAGS = ['--headless', '--no-sandbox', '--enable-unsafe-swiftshader', '--use-ang
          '--disable-background-networking', '--disable-component-update', '--disable-sync',
          '--no-first-run']
 WINDOW = {'width': 900, 'height': 480}
+pytestmark = pytest.mark.processes
 PATIENCE = 120_000  # ms; nothing depends on how fast a browser is
 
 
@@ -57,7 +58,7 @@ def browser():
     """Return a headless Chromium; a user's machine may have none."""
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
-        pytest.skip('no Chromium is installed')
+        pytest.skip('cannot run: no Chromium is installed')
     from playwright.sync_api import sync_playwright
     with sync_playwright() as playwright:
         started = playwright.chromium.launch(executable_path=path, args=FLAGS)
@@ -117,7 +118,9 @@ def client_of(page):
     """Return the one browser that looks at a page, once its panel is beside the scene."""
     def found():
         return [client for client in page.server.get_clients().values()
-                if client.camera.image_width < WINDOW['width']]
+                if client.camera.image_width < WINDOW['width'] and np.allclose(
+                    client.camera.position,
+                    page.scene.wall.camera('all', client.camera.aspect)[0], rtol=1e-3)]
 
     wait_for(found)
     return found()[0]

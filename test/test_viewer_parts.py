@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page of `color_stereo view` computes: places, distances, planes, words, cost curves."""
 
+import sys
 from types import SimpleNamespace
 
 from color_stereo_ros.cli import main as cli
+from color_stereo_ros.cli.demo import somebody_sits_there
 from color_stereo_ros.cli.process import SAMPLE
 from color_stereo_ros.cli.view import numbers
 from color_stereo_ros.core import ColorStereo, SettingsError, StereoCalibration
@@ -218,3 +220,16 @@ def test_command_lines_that_name_no_source_are_refused(words, said, capsys):
 def test_a_folder_without_a_calibration_says_what_it_lacks(tmp_path, capsys):
     assert cli.main(['view', str(tmp_path)]) == 1
     assert 'it lacks left.yaml and right.yaml' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('terminals, environment, expected', [
+    ((True, True), {}, True), ((False, True), {}, False), ((True, False), {}, False),
+    ((True, True), {'CI': 'true'}, False)])
+def test_a_demo_ends_in_the_viewer_where_somebody_sits(terminals, environment, expected,
+                                                       monkeypatch):
+    monkeypatch.delenv('CI', raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    for name, terminal in zip(('stdin', 'stdout'), terminals):
+        monkeypatch.setattr(sys, name, SimpleNamespace(isatty=lambda terminal=terminal: terminal))
+    assert somebody_sits_there() == expected

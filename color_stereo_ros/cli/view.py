@@ -2,6 +2,7 @@
 """`color_stereo view`: look at pairs and at what is measured from them, in the browser."""
 
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 SUMMARY = 'look at a recording, image files or a live sensor in the browser, pixel by pixel'
@@ -47,6 +48,7 @@ def add_arguments(parser):
 def run(args):
     """Show what the command line names."""
     check(args)
+    import_module('viser')  # before anything is measured
     if args.live:
         watch(args)
         return

@@ -79,6 +79,11 @@ class Demo:
         self._start = time.monotonic()
         self._waiting_for = None
 
+    @property
+    def first(self):
+        """Return the folder of the first sample on the page."""
+        return default_first(self.samples)[0]
+
     def run(self):
         """Return the path of the page."""
         whole = self.output.resolve()

@@ -85,12 +85,8 @@ class LivePairs:
                 say(str(error))
 
     def latest(self):
-        """Return the latest pair of RGB images that nobody took, or None; unreadable: None."""
-        pair = self._slot.take(0.0)
-        try:
-            return pair and rgb_pair(pair)
-        except ImageError:
-            return None
+        """Return the latest Pair of messages that nobody took, or None."""
+        return self._slot.take(0.0)
 
     def _complaint(self):
         """Say why no pair comes, or None."""

@@ -9,6 +9,7 @@ import numpy as np
 from ..core import CalibrationError, ColorStereoError, ImageError, StereoCalibration
 from ..core.results import RangeResult
 from ..core.triangulation import disparity_from_depth, disparity_limits
+from ..messages.pairs import rgb_pair
 from ..messages.published import depth_of, values_of
 from ..messages.reading import image_to_rgb, stamp_ns
 from ..nodes.live import Collector, ros_node
@@ -97,6 +98,7 @@ class LiveFrames:
 
     def _frame(self, stamp, messages):
         pair = self._raw.get(stamp)
+        pair = pair and rgb_pair(pair)
         result = result_from(messages, self._calibration.geometry, self._settings.core.range)
         return Frame(f'live, stamp {seconds(stamp)} s', result, self._calibration,
                      pair and pair.left, pair and pair.right, self._settings.input.rectified)

@@ -71,7 +71,20 @@ class ViewPage(ServedPage):
         self.server.scene.on_click()(lambda event: self._click(event, False))
         self.server.scene.on_click(modifier='cmd/ctrl')(lambda event: self._click(event, True))
         self.server.scene.on_rect_select(modifier='shift')(self._select)
+        self.server.on_client_connect(self._greet)
         self.show(frame)
+
+    def _greet(self, client):
+        """Show all to a new browser, once more when the panel has taken its place."""
+        aspects = [client.camera.aspect]
+        self._look(client, 'all')
+
+        def look_again(camera):
+            if len(aspects) == 1 and camera.aspect != aspects[0]:
+                aspects.append(camera.aspect)
+                self._look(client, 'all')
+
+        client.camera.on_update(look_again)
 
     def _add_panel(self):
         gui = self.server.gui
@@ -87,13 +100,13 @@ class ViewPage(ServedPage):
         self.scene.point_size = self._size.value
         with gui.add_folder('Pixel'):
             self._told = gui.add_markdown(HOW_TO)
-            self._patches = gui.add_image(np.zeros((8, 8, 3), np.uint8), visible=False,
-                                          label='left and right camera, around the match')
             self._curve = gui.add_uplot(
                 (NO_CURVE, NO_CURVE, NO_CURVE), self._series(), visible=False, aspect=1.7,
                 title='cost of the coarse search', scales={'x': {'time': False}},
                 axes=tuple({'stroke': '#9aa1ad', 'grid': {'stroke': '#3b424d'}, 'label': label}
                            for label in ('disparity, px', 'cost')))
+            self._patches = gui.add_image(np.zeros((8, 8, 3), np.uint8), visible=False,
+                                          label='left and right camera, around the match')
         with gui.add_folder('Measure'):
             self._distance = gui.add_markdown('Distance: click, then Ctrl and click.')
             self._plane = gui.add_markdown('Plane: hold Shift and drag a box over points or over '
@@ -241,7 +254,9 @@ class ViewPage(ServedPage):
             places.pop(LEFT)
             places.pop(RIGHT, None)
         spots = [scene.on_picture(name, *place) for name, place in places.items()]
-        return spots if match is None else [*spots, frame.points[row, column]]
+        if match is None:
+            return spots
+        return [*spots, self.scene.before(frame.points[row, column])]
 
     def _tell(self, column, row):
         curve = None

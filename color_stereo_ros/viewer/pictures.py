@@ -37,11 +37,12 @@ def pictures_of(frame, step=1):
     part, result = np.s_[::step, ::step], frame.result
     most, depth = frame.largest_std, result.depth[part]
     std = depth * depth * result.disparity_std[part] / np.float32(result.geometry.focal_baseline)
-    status, views = (np.ascontiguousarray(each[part]) for each in (result.status, result.views))
+    status, views, image = (np.ascontiguousarray(each[part])
+                            for each in (result.status, result.views, result.image))
     shown = {
         LEFT: ('left camera, raw', frame.left),
         RIGHT: ('right camera, raw', frame.right),
-        'colors': ('colors of the pattern', pattern_colors(np.ascontiguousarray(result.image[part]))),
+        'colors': ('colors of the pattern', pattern_colors(image)),
         'depth': ('depth', false_color(depth, *frame.depth_limits)),
         'confidence': ('confidence: white 1', gray(result.confidence[part])),
         'std': (f'std: yellow 0, violet {1e3 * most:.2g} mm',
@@ -50,8 +51,8 @@ def pictures_of(frame, step=1):
         'views': ('views: who saw it', views_picture(views)),
     }
     for side in (LEFT, RIGHT):
-        title, image = shown[side]
-        shown[side] = title, None if image is None else np.ascontiguousarray(image[part])
+        title, raw = shown[side]
+        shown[side] = title, None if raw is None else np.ascontiguousarray(raw[part])
     return {name: each for name, each in shown.items() if each[1] is not None}
 
 

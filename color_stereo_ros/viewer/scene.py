@@ -186,6 +186,11 @@ class Scene:
             for handle in self._marks.pop(name, []):
                 handle.remove()
 
+    def before(self, point):
+        """Return a place so far before a point that its mark is not hidden, float64 (3,), m."""
+        point = np.asarray(point, np.float64)
+        return point * (1 - 0.5 * MARK_SIZE * self.wall.depth / np.linalg.norm(point))
+
     def on_picture(self, name, x, y):
         """Return a place a little before a pixel of a picture, float64 (3,), m."""
         return self.wall.spot(name, x, y) - [0, 0, FRONT * self.wall.depth]

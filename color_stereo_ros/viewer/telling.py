@@ -26,7 +26,8 @@ def about_frame(frame):
     result = frame.result
     part = np.s_[::STEP, ::STEP]
     shares = status_shares(result.status[part])
-    lines = [f'**{frame.name}**', f'{100 * shares[Status.VALID.label]:.1f} % of the pixels have a range']
+    lines = [f'**{frame.name}**',
+             f'{100 * shares[Status.VALID.label]:.1f} % of the pixels have a range']
     depth = result.depth[part]
     known = depth[np.isfinite(depth)]
     if known.size:
