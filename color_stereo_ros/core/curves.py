@@ -5,6 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+WINDOW = 8
+"""Nodes that a window counts, see `surface/coarse_kernels.sum_window`."""
+DIRECTIONS = 4
+"""Semi-global paths through a node."""
+
 
 @dataclass(frozen=True, eq=False)
 class CostCurve:
@@ -20,3 +25,23 @@ class CostCurve:
 
     In units of `window`, with all that speaks for the disparity along the semi-global paths.
     """
+
+    @classmethod
+    def of(cls, disparity, window, path, cap):
+        """
+        Take the costs of the coarse search.
+
+        Parameters
+        ----------
+        disparity : numpy.ndarray, shape (D,)
+            px.
+        window, path : numpy.ndarray, int16, shape (D,)
+            Costs of the windows, and the sums of the path costs.
+        cap : int
+            The largest cost of a node.
+
+        """
+        largest = float(WINDOW * cap)
+        path = path.astype(np.float64)
+        return cls(disparity.astype(np.float64), window / largest,
+                   (path - path.min()) / (DIRECTIONS * largest))

@@ -183,6 +183,9 @@ class ViewPage(ServedPage):
             self.frame, self._moving = frame, moving
             self.scene.show(frame, *self._steps())
             self._about.content = about_frame(frame)
+            self.scene.unmark()
+            if self._picked is not None and not moving:
+                self._tell(*self._picked)
 
     def _steps(self):
         """Return the steps of points and pictures."""
@@ -217,8 +220,7 @@ class ViewPage(ServedPage):
             if second and first is not None:
                 self._measure(first, pixel)
                 return
-            self.scene.unmark('second')
-            self.scene.mark('first', self._spots(*pixel))
+            self.scene.unmark('second', 'distance')
             self._tell(*pixel)
 
     def _pixel_of(self, origin, direction):
@@ -259,6 +261,8 @@ class ViewPage(ServedPage):
         return [*spots, self.scene.before(frame.points[row, column])]
 
     def _tell(self, column, row):
+        """Mark a pixel and say what is known of it."""
+        self.scene.mark('first', self._spots(column, row))
         curve = None
         if self._frames is not None:
             curve = self._frames.curve(self._index, column, row)

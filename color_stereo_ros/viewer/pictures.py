@@ -34,17 +34,17 @@ def pictures_of(frame, step=1):
         known.
 
     """
-    part, result = np.s_[::step, ::step], frame.result
-    most, depth = frame.largest_std, result.depth[part]
-    std = depth * depth * result.disparity_std[part] / np.float32(result.geometry.focal_baseline)
-    status, views, image = (np.ascontiguousarray(each[part])
-                            for each in (result.status, result.views, result.image))
+    result, most = frame.result, frame.largest_std
+    depth, std, confidence, status, views, image = (thinned(each, step) for each in (
+        result.depth, result.disparity_std, result.confidence, result.status, result.views,
+        result.image))
+    std = depth * depth * std / np.float32(result.geometry.focal_baseline)
     shown = {
         LEFT: ('left camera, raw', frame.left),
         RIGHT: ('right camera, raw', frame.right),
         'colors': ('colors of the pattern', pattern_colors(image)),
         'depth': ('depth', false_color(depth, *frame.depth_limits)),
-        'confidence': ('confidence: white 1', gray(result.confidence[part])),
+        'confidence': ('confidence: white 1', gray(confidence)),
         'std': (f'std: yellow 0, violet {1e3 * most:.2g} mm',
                 false_color(std, 0.0, most)),
         'status': ('status: why there is no range', status_picture(status)),
@@ -52,8 +52,18 @@ def pictures_of(frame, step=1):
     }
     for side in (LEFT, RIGHT):
         title, raw = shown[side]
-        shown[side] = title, None if raw is None else np.ascontiguousarray(raw[part])
+        shown[side] = title, None if raw is None else thinned(raw, step)
     return {name: each for name, each in shown.items() if each[1] is not None}
+
+
+def thinned(values, step):
+    """Return about every step-th pixel of every step-th row of an image, contiguous."""
+    if step == 1:
+        return np.ascontiguousarray(values)
+    height, width = values.shape[:2]
+    # several times faster than a slice of NumPy
+    return cv2.resize(values, (-(-width // step), -(-height // step)),
+                      interpolation=cv2.INTER_NEAREST)
 
 
 def legends_of(frame):

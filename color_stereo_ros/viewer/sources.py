@@ -20,7 +20,8 @@ class MeasuredFrames:
     """
     Frames by their number, the last ones of which are kept.
 
-    A subclass gives `__len__`, `name(index)` and `_measured(index)`, which returns a Frame.
+    A subclass gives `__len__`, `name(index)` and `_measured(index)`, which returns a Frame and the
+    ColorStereo that has measured it.
 
     """
 
@@ -43,13 +44,20 @@ class MeasuredFrames:
             self._kept.move_to_end(index)
             while len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
-            return self._kept[index]
+            return self._kept[index][0]
 
     def curve(self, index, column, row):
-        """Return the CostCurve of a pixel, or None, see `ColorStereo.cost_curve`."""
+        """
+        Return the CostCurve of a pixel of a frame that is kept, see `ColorStereo.cost_curve`.
+
+        Nothing is read: any thread may ask, though some recordings are bound to the one that
+        opened them. None: there is no curve, or the frame is not kept any more.
+
+        """
         with self._lock:
-            frame = self.frame(index)
-            stereo = self._stereo_of(index)
+            if index not in self._kept:
+                return None
+            frame, stereo = self._kept[index]
             return stereo.cost_curve(frame.left, frame.right, (column, row),
                                      frame.result.alignment)
 
@@ -102,12 +110,10 @@ class RecordedFrames(MeasuredFrames):
         stereo = self._stereo.before(self._recording, task)
         for pair in self._stereo.pairs(self._recording, task.rows):
             left, right = self._sensor.images_of(pair)
-            return Frame(self.name(index), stereo.process(left, right), pair.calibration, left,
-                         right, self._settings.input.rectified)
+            frame = Frame(self.name(index), stereo.process(left, right), pair.calibration, left,
+                          right, self._settings.input.rectified)
+            return frame, stereo
         raise RecordingError(f'{self._recording.path}: {self.name(index)} is not there any more')
-
-    def _stereo_of(self, index):
-        return self._stereo.before(self._recording, self._tasks[index])
 
 
 class FileFrames(MeasuredFrames):
@@ -143,8 +149,6 @@ class FileFrames(MeasuredFrames):
     def _measured(self, index):
         left, right = self._pairs[index].images()
         self._stereo.reset()
-        return Frame(self.name(index), self._stereo.process(left, right), self._calibration, left,
-                     right, self._settings.input.rectified)
-
-    def _stereo_of(self, index):
-        return self._stereo
+        frame = Frame(self.name(index), self._stereo.process(left, right), self._calibration,
+                      left, right, self._settings.input.rectified)
+        return frame, self._stereo

@@ -14,9 +14,6 @@ from .coarse_kernels import (
     add_turned, cost_volume, count_rivals, reduce_colors, sgm_paths, winners)
 from .grid_kernels import F4, PAD
 
-WINDOW = 8
-"""Sum of the weights of a window, see `coarse_kernels.sum_window`."""
-
 
 @dataclass(frozen=True, eq=False)
 class Seeds:
@@ -132,11 +129,9 @@ class CoarseSearch:
         step, (lines, depth, lanes) = 2 * self.factor, self.upright.cost.shape
         line, lane = (min(int(at) // step, count - 1)
                       for at, count in ((row, lines), (column, lanes)))
-        cap, directions = float(WINDOW * self.costs[0]), 4
-        path = self.upright.total[line, :, lane].astype(np.float64)
-        return CostCurve(
+        return CostCurve.of(
             step * np.arange(self.first, self.first + depth) + self.seeds.offset,
-            self.upright.cost[line, :, lane] / cap, (path - path.min()) / (directions * cap))
+            self.upright.cost[line, :, lane], self.upright.total[line, :, lane], self.costs[0])
 
     def rival_share(self):
         """Return the share of the lit nodes with a match that match well at two places."""
