@@ -13,6 +13,7 @@ from color_stereo_ros.core.settings import updated
 from color_stereo_ros.parameters.groups import RangeNodeSettings
 from color_stereo_ros.recordings.reading import Recording
 from color_stereo_ros.recordings.writing import write_recording
+from color_stereo_ros.viewer import mailed
 from color_stereo_ros.viewer.page import BrowserCamera, ViewPage
 from color_stereo_ros.viewer.sources import RecordedFrames
 import cv2
@@ -230,3 +231,14 @@ def test_a_file_shows_the_points_without_a_server(browser, recording, tmp_path, 
         assert not window.errors
         assert {urlsplit(url.removeprefix('blob:')).scheme for url in window.requests} <= {
             'file', ''}
+
+
+def test_large_clouds_are_rounded_and_thinned_so_that_the_file_can_be_mailed(frames, monkeypatch):
+    monkeypatch.setattr(mailed, 'MOST_EXACT', 3000)
+    monkeypatch.setattr(mailed, 'MOST', 10_000)
+    made = mailed.mailed([frames.frame(0)])
+    assert (made.precision, made.step) == ('float16', 1)
+    monkeypatch.setattr(mailed, 'MOST', 3000)
+    thinner = mailed.mailed([frames.frame(0)])
+    assert (thinner.precision, thinner.step) == ('float32', 2)
+    assert thinner.megabytes < made.megabytes

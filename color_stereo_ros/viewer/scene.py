@@ -76,13 +76,16 @@ class Scene:
         rays_x, rays_y = (each[::step] for each in rays(geometry))
         rows, columns = np.nonzero(known)
         depth = frame.result.depth[part][known]
-        points = np.column_stack((depth * rays_x[columns], depth * rays_y[rows], depth))
+        # from the middle: small numbers are rounded less where they are sent as float16
+        middle = 0.0, 0.0, self.wall.depth
+        points = np.column_stack((depth * rays_x[columns], depth * rays_y[rows],
+                                  depth - np.float32(middle[2])))
         colors = point_colors(frame, self.colors)[part][known]
         size = self.point_size * step * self.wall.depth / geometry.focal_x
         if self._points is None:
             self._points = self._server.scene.add_point_cloud(
-                '/points', points, colors, precision=self._precision, point_size=size,
-                point_shape='square', point_shading='flat')
+                '/points', points, colors, precision=self._precision, position=middle,
+                point_size=size, point_shape='square', point_shading='flat')
             return
         self._points.points, self._points.colors = points, colors
         self._points.point_size = size
