@@ -44,7 +44,10 @@ setup(
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'sim': ['mitsuba>=3.5', 'tqdm>=4.66'],
         'project': ['pygame>=2.1'],
-        'tools': ['rosbags>=0.11', 'matplotlib>=3.6', 'tqdm>=4.66', 'distributed>=2023.1'],
+        # mcap reads what is whole of damaged files; distributed: `convert` in several processes
+        'tools': ['rosbags>=0.11', 'mcap>=1.1', 'matplotlib>=3.6', 'tqdm>=4.66',
+                  'distributed>=2023.1'],
+        'cluster': ['distributed>=2023.1'],
         'view': ['viser>=1.1'],
         'test': ['pytest>=7.4', 'pytest-xdist>=3.4', 'colcon-common-extensions', 'setuptools<80',
                  'playwright>=1.40'],

@@ -32,8 +32,8 @@ def failing(monkeypatch):
 
 def test_every_command_has_a_summary_of_one_line():
     commands = cli.find_commands()
-    assert {'demo', 'replay', 'convert', 'process', 'sample', 'pattern', 'settings'} <= set(
-        commands)
+    assert {'demo', 'replay', 'convert', 'export', 'inspect', 'process', 'sample', 'pattern',
+            'settings'} <= set(commands)
     assert all('\n' not in text and 10 < len(text) < 100 for text in commands.values())
 
 
@@ -45,7 +45,7 @@ def test_every_command_explains_its_arguments(name, capsys):
     assert cli.find_commands()[name] in ' '.join(capsys.readouterr().out.split())
 
 
-@pytest.mark.parametrize('name', ['process', 'convert', 'evaluate', 'sample'])
+@pytest.mark.parametrize('name', ['process', 'convert', 'evaluate', 'export', 'inspect', 'sample'])
 def test_the_usage_stays_short_and_the_settings_are_listed_below_it(name, capsys):
     with pytest.raises(SystemExit):
         cli.main([name, '--help'])
@@ -215,6 +215,7 @@ def test_every_long_command_shows_progress_of_this_kind():
     folder = Path(cli.__file__).parent
     users = {path.stem for path in folder.glob('*.py')
              if 'from .progress import Progress' in path.read_text()}
-    assert users == {'bench', 'convert', 'evaluate', 'render', 'stress'}
+    assert users == {'bench', 'convert', 'evaluate', 'export', 'render', 'stress',
+                     'view'}
     assert not [path for path in folder.glob('*.py')
                 if 'import tqdm' in path.read_text() and path.stem != 'progress']

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`color_stereo convert` by tasks: the result does not depend on who works, and nothing is lost."""
+"""`color_stereo convert` by tasks: the same result whoever works, and nothing is lost."""
 
 import os
 from pathlib import Path
@@ -11,7 +11,8 @@ from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import Settings
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.parameters.groups import RangeNodeSettings
-from color_stereo_ros.recordings import converting, engine, tasks, working
+from color_stereo_ros.recordings import engine, tasks, working
+from color_stereo_ros.recordings.measuring import make_stereo
 from color_stereo_ros.recordings.pairing import Place, Places
 from color_stereo_ros.recordings.reading import Recording
 from color_stereo_ros.recordings.writing import write_recording
@@ -61,7 +62,7 @@ def cards(tmp_path_factory):
 @pytest.fixture
 def few(monkeypatch):
     """Let a task have few pairs."""
-    monkeypatch.setattr(converting, 'PAIRS', FEW)
+    monkeypatch.setattr(tasks, 'PAIRS', FEW)
     monkeypatch.setattr(tasks, 'WARM_UP', 1)
     monkeypatch.setattr(tasks, 'SETTLING', 2)
 
@@ -121,7 +122,7 @@ def test_one_process_two_processes_and_a_resumed_run_give_the_same(tmp_path, lit
     words = ['convert', str(lit), str(tmp_path / 'resumed'), *options, '--workers', '1']
     assert cli.main(words) == cli.INTERRUPTED
     monkeypatch.undo()
-    monkeypatch.setattr(converting, 'PAIRS', FEW)
+    monkeypatch.setattr(tasks, 'PAIRS', FEW)
     monkeypatch.setattr(tasks, 'WARM_UP', 1)
     monkeypatch.setattr(tasks, 'SETTLING', 2)
     assert cli.main([*words, '--resume']) == 0
@@ -146,7 +147,7 @@ def test_the_first_task_gives_what_a_node_gives_that_has_just_started(tmp_path, 
     assert cli.main(['convert', str(lit), str(tmp_path / 'tasks'), *options]) == 0
     converted = [content['data'] for _, _, content in decoded(tmp_path / 'tasks')
                  if 'data' in content][:FEW]
-    stereo = working.make_stereo(projected.CALIBRATION, RangeNodeSettings(
+    stereo = make_stereo(projected.CALIBRATION, RangeNodeSettings(
         **{name: getattr(settings_of(options), name) for name in ('pattern', 'range')}))
     depths = [stereo.process(*projected.pair(noise=1 + index)).depth.tobytes()
               for index in range(FEW)]
@@ -209,7 +210,8 @@ def measuring():
     parents = {}
     for folder in Path('/proc').glob('[0-9]*'):
         try:
-            parents[int(folder.name)] = int((folder / 'stat').read_text().rpartition(')')[2].split()[1])
+            state = (folder / 'stat').read_text().rpartition(')')[2]
+            parents[int(folder.name)] = int(state.split()[1])
         except (OSError, ValueError):
             continue
     return [child for child, parent in parents.items()

@@ -409,15 +409,12 @@ def test_replay_refuses_what_cannot_be_played(recorded, capsys, arguments, messa
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize('command', [['replay', 'RECORDING'], ['convert', 'RECORDING', 'RESULT']])
-def test_a_half_written_recording_is_refused_with_one_line(tmp_path, recorded, command, capsys):
+def test_a_half_written_recording_is_not_replayed(recorded, capsys):
     path = recorded / 'recorded.mcap'
     path.write_bytes(path.read_bytes()[:-100])
-    places = {'RECORDING': str(recorded), 'RESULT': str(tmp_path / 'result')}
-    assert cli.main([places.get(word, word) for word in command]) == 1
+    assert cli.main(['replay', str(recorded)]) == 1
     error = capsys.readouterr().err
     assert 'damaged or only half written' in error and error.count('\n') == 1
-    assert not (tmp_path / 'result').exists()
 
 
 def converted_from(tmp_path, messages, capsys):

@@ -82,6 +82,8 @@ WORKS = {
     'pattern': ((), ['pattern', 'p.png', '--pattern.width', '64', '--pattern.height', '64']),
     'process': ((), ['process', '--sample', '--output', 'processed']),
     'convert': (('tools',), ['convert', 'recorded', 'converted', *SETTINGS]),
+    'export': (('tools',), ['export', 'recorded', 'exported', *SETTINGS]),
+    'inspect': (('tools',), ['inspect', 'recorded', *SETTINGS]),
     'view': (('view',), ['view', '--sample', '--html', 'view.html']),
     'render': (('sim',), ['render', 'card.yaml', 'rendered', '--samples', '1', '--direct-only',
                           '--pattern.width', '64', '--pattern.height', '64']),
@@ -99,6 +101,8 @@ def test_a_command_works_with_its_extras_alone(name, inputs):
 
 MISSES = {
     'convert': ('tools', ['convert', 'recorded', 'converted', '--overwrite']),
+    'export': ('tools', ['export', 'recorded', 'exported', '--overwrite']),
+    'inspect': ('tools', ['inspect', 'recorded']),
     'sample': ('tools', ['sample', 'truth', 'packed']),
     'render': ('sim', ['render', 'card.yaml', 'not_rendered']),
     'render, bag': ('tools', ['render', 'card.yaml', 'not_rendered', '--bag']),
@@ -151,9 +155,10 @@ def pack(folder):
 
 def test_the_extras_install_the_modules_that_the_messages_name():
     for extra, modules in cli.EXTRAS.items():
-        listed = re.search(rf"'{extra}': \[(.*?)\]", SETUP.replace('[fastrtps]', '')).group(1)
+        listed = re.search(rf"'{extra}': \[(.*?)\]", SETUP.replace('[fastrtps]', ''),
+                           re.DOTALL).group(1)
         for module in set(modules) & {'rosbags', 'matplotlib', 'tqdm', 'mitsuba', 'rclpy', 'viser',
-                                      'pygame'}:
+                                      'pygame', 'mcap', 'distributed'}:
             assert module in listed, (extra, module)
     assert 'tqdm' in re.search(r"'sim': \[(.*?)\]", SETUP).group(1)  # progress of `render`
 

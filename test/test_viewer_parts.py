@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.cli.demo import somebody_sits_there
 from color_stereo_ros.cli.process import SAMPLE
-from color_stereo_ros.cli.view import numbers
 from color_stereo_ros.core import ColorStereo, SettingsError, StereoCalibration
 from color_stereo_ros.core.settings import updated
 from color_stereo_ros.files.image import write_image
@@ -193,18 +192,6 @@ def test_a_folder_of_images_is_measured_pair_by_pair(tmp_path):
     assert medians == pytest.approx([8, 6], abs=0.1)
     assert frames.frame(0) is frames.frame(0)
     assert frames.curve(0, 40, 12) is None
-
-
-@pytest.mark.parametrize('text, found', [
-    ('0', [0]), ('1,3', [1, 3]), ('0:10:4', [0, 4, 8]), (':2, -1', [0, 1, 9])])
-def test_numbers_of_pairs_are_read(text, found):
-    assert numbers(text, 10) == found
-
-
-@pytest.mark.parametrize('text', ['10', 'x', '5:5', '1:2:3:4', '', '0:4:0'])
-def test_numbers_that_name_no_pair_are_refused(text):
-    with pytest.raises(SettingsError, match='--frames'):
-        numbers(text, 10)
 
 
 @pytest.mark.parametrize('words, said', [

@@ -240,7 +240,7 @@ sys.exit(cli.main(sys.argv[1:]))
 """
 
 
-@pytest.mark.parametrize('name', ['pattern', 'process', 'convert', 'sample'])
+@pytest.mark.parametrize('name', ['pattern', 'process', 'convert', 'export', 'sample'])
 def test_a_full_disk_names_the_result(tmp_path, name):
     sample = Path(__file__).parents[1] / 'sample' / 'solids_hue1'
     words, named = {
@@ -248,6 +248,9 @@ def test_a_full_disk_names_the_result(tmp_path, name):
         'process': (process_words(tmp_path), tmp_path / 'depth_mm.png'),
         'convert': (['convert', str(sample / 'recording'), str(tmp_path / 'r'), '--config',
                      str(sample / 'settings.yaml'), '--matching.method', 'paper'], tmp_path / 'r'),
+        'export': (['export', str(sample / 'recording'), str(tmp_path), '--config',
+                    str(sample / 'settings.yaml'), '--matching.method', 'paper', '--frames', '0',
+                    '--products', 'png'], tmp_path / '1767225600.000000000_depth.png'),
         'sample': (['sample', str(SCENE), str(tmp_path / 's')], tmp_path / 's' / 'recording'),
     }[name]
     ran = subprocess.run([sys.executable, '-c', FULL, *words], capture_output=True, text=True,

@@ -2,12 +2,12 @@
 """
 What `color_stereo convert` costs: `python -m color_stereo_ros.bench.conversion [PAIRS]`.
 
-Prints JSON: processor time per pair of convert and of `ColorStereo.process` alone, pairs per second
-with one and two processes, and what it matters that a task does not carry on from the one before.
+Prints JSON: processor time per pair of convert and of `ColorStereo.process` alone, pairs per
+second with one and two processes, and what it matters that a task does not carry on from the one
+before. Start it with NUMBA_NUM_THREADS=1: then `process` has one thread, as in each process.
 
 """
 
-from contextlib import contextmanager
 import json
 from pathlib import Path
 import resource
@@ -87,26 +87,14 @@ def _children():
 
 
 def process_cost(calibration, settings, images):
-    """Return the processor time of `process` alone, ms a pair, in the steady state."""
-    with _one_thread():
-        stereo = ColorStereo(calibration, settings)
-        for pair in images:
-            stereo.process(*pair)
-        start = time.process_time()
-        for pair in images * 2:
-            stereo.process(*pair)
-        return (time.process_time() - start) / (2 * len(images)) * 1e3
-
-
-@contextmanager
-def _one_thread():
-    from numba import get_num_threads, set_num_threads
-    before = get_num_threads()
-    set_num_threads(1)
-    try:
-        yield
-    finally:
-        set_num_threads(before)
+    """Return the processor time of `process` alone, ms a pair."""
+    stereo = ColorStereo(calibration, settings)
+    for pair in images:
+        stereo.process(*pair)
+    start = time.process_time()
+    for pair in images * 2:
+        stereo.process(*pair)
+    return (time.process_time() - start) / (2 * len(images)) * 1e3
 
 
 def carried(calibration, settings, images):

@@ -10,18 +10,10 @@ def add_arguments(parser):
     from ..messages.outputs import OUTPUTS
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.measuring import DEFAULT_TOPICS, VIEWS
-    from ..recordings.topics import OPTIONS
     from .arguments import add_settings_arguments
-    parser.add_argument('recording', help='rosbag2 folder, a single .mcap or .db3 file, or a '
-                        'ROS 1 bag')
+    from .recorded import add_recording_arguments
+    add_recording_arguments(parser, ', which the outputs get, too')
     parser.add_argument('result', help='rosbag2 folder to make; it appears when it is complete')
-    parser.add_argument('--namespace', metavar='NAME', help='namespace of the cameras, needed '
-                        'where a recording has several pairs; the outputs get it, too')
-    for option, what in zip(OPTIONS, ('images of the left camera', 'images of the right camera',
-                                      'camera_info of the left camera',
-                                      'camera_info of the right camera')):
-        parser.add_argument(option, metavar='TOPIC', help=f'topic of the {what}, where the '
-                            'recording has another name than range_node expects')
     parser.add_argument('--topics', nargs='+', choices=list(OUTPUTS), metavar='TOPIC',
                         help=f'outputs of range_node to write, of {", ".join(OUTPUTS)} (default '
                         f'{" ".join(DEFAULT_TOPICS)}; {VIEWS} where the projector may be a third '
@@ -52,18 +44,17 @@ def run(args):
     from ..core import SettingsError
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.converting import Conversion
-    from ..recordings.reading import Recording
-    from ..recordings.topics import StereoTopics
+    from ..recordings.reading import open_readable
     from .arguments import settings_from
+    from .main import warn
     from .progress import Progress
+    from .recorded import topics_of
     settings = settings_from(args, RangeNodeSettings())
     if Path(args.recording).resolve() == Path(args.result).resolve():
         raise SettingsError(f'{args.result}: is the recording itself; name another folder for '
                             'the result')
-    with Recording(args.recording) as recording:
-        topics = recording.stereo_topics(args.namespace, StereoTopics(
-            args.left_image, args.right_image, args.left_info, args.right_info),
-            settings.input.transport == 'compressed')
+    with open_readable(args.recording, warn) as recording:
+        topics = topics_of(args, recording, settings)
         conversion = Conversion(recording, args.result, topics, settings, args.topics,
                                 args.namespace, work_of(args))
         with Progress(total=sum(recording.counts[topic] for topic in topics.names),
@@ -96,4 +87,6 @@ def told(result, conversion):
         warn(f'{tally.failed} pairs refused; the first: {tally.first_failure}')
     if plan.refusals:
         warn(f'{plan.refusals}; the first: {plan.refusals.first}')
-    return PARTLY if tally.failed or plan.refusals else None
+    if conversion.loss:
+        warn(f'{conversion.path} is damaged: {conversion.loss}')
+    return PARTLY if tally.failed or plan.refusals or conversion.loss else None

@@ -37,7 +37,7 @@ OPTION = re.compile(r'--?[A-Za-z][\w.-]*')
 EXTRAS = {
     'sim': ('mitsuba', 'drjit'),
     'project': ('pygame',),
-    'tools': ('rosbags', 'matplotlib', 'tqdm', 'distributed', 'dask'),
+    'tools': ('rosbags', 'mcap', 'matplotlib', 'tqdm', 'distributed', 'dask'),
     'view': ('viser',),
     'ros': ('rclpy', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'stereo_msgs', 'std_srvs',
             'diagnostic_msgs', 'builtin_interfaces', 'rcl_interfaces', 'lifecycle_msgs'),

@@ -33,6 +33,15 @@ def output_table():
     return '\n'.join(lines) + '\n'
 
 
+def product_table():
+    """Return every product of `color_stereo export`."""
+    from ..recordings.products import PRODUCTS
+    lines = ['| product | file | content | read by |', '|---|---|---|---|']
+    lines += [f'| `{name}` | `{"" if item.film else "STAMP_"}{item.ending}` | {item.description} '
+              f'| {item.readers} |' for name, item in PRODUCTS.items()]
+    return '\n'.join(lines) + '\n'
+
+
 def status_table():
     """Return the codes of status/image."""
     lines = ['| code | name | meaning |', '|---|---|---|']
@@ -158,9 +167,10 @@ def explained(provenance):
     return f'*{provenance.kind}{command}*. {provenance.text}'
 
 
-TABLES = {'parameters': parameter_table, 'outputs': output_table, 'status': status_table,
-          'commands': command_table, 'tuning': tuning_table, 'paper_tuning': paper_tuning_table,
-          'row_tuning': row_tuning_table, 'health_tuning': health_tuning_table,
+TABLES = {'parameters': parameter_table, 'outputs': output_table, 'products': product_table,
+          'status': status_table, 'commands': command_table, 'tuning': tuning_table,
+          'paper_tuning': paper_tuning_table, 'row_tuning': row_tuning_table,
+          'health_tuning': health_tuning_table,
           'projector_tuning': projector_tuning_table,
           'third_view_tuning': third_view_tuning_table, 'account_tuning': account_tuning_table,
           'disturbances': disturbance_table}

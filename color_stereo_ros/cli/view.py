@@ -34,8 +34,9 @@ def add_arguments(parser):
                         'the next free one is taken; 0 = any (default 8080)')
     parser.add_argument('--html', metavar='FILE', help='write one HTML file instead, which needs '
                         'no server and no network: the scene and a time bar, without clicks')
-    parser.add_argument('--frames', default='0', metavar='LIST', help='with --html: numbers of '
-                        'the pairs in it, such as 0,5 or 0:100:20 (default 0)')
+    parser.add_argument('--frames', default='0', metavar='LIST', help='with --html: the pairs '
+                        'in it, indices from 0 and slices as in Python, such as 0,10:20:2 '
+                        '(default 0)')
     parser.add_argument('--namespace', metavar='NAME', help='namespace of the cameras')
     for option, what in zip(OPTIONS, ('images of the left camera', 'images of the right camera',
                                       'camera_info of the left camera',
@@ -85,13 +86,11 @@ def opened(args):
     if source.is_dir() and not (source / 'metadata.yaml').exists():
         yield files_of(source, args.calibration, settings)
         return
-    from ..recordings.reading import Recording
-    from ..recordings.topics import StereoTopics
-    with Recording(source) as recording:
-        topics = recording.stereo_topics(args.namespace, StereoTopics(
-            args.left_image, args.right_image, args.left_info, args.right_info),
-            settings.input.transport == 'compressed')
-        yield recorded(recording, topics, settings)
+    from ..recordings.reading import open_readable
+    from .main import warn
+    from .recorded import topics_of
+    with open_readable(source, warn) as recording:
+        yield recorded(recording, topics_of(args, recording, settings), settings)
 
 
 def recorded(recording, topics, settings):
@@ -119,43 +118,16 @@ def files_of(folder, calibration, settings):
 def write_html(path, frames, text):
     """Write the frames that a text names into one file, and tell its size."""
     from ..files.atomic import write_text
+    from ..recordings.exporting import chosen_frames
     from ..viewer.mailed import mailed
     from .progress import Progress
-    chosen = numbers(text, len(frames))
+    chosen = chosen_frames(text, len(frames))
     with Progress(chosen, unit='pair') as progress:
         made = mailed(map(frames.frame, progress))
     write_text(path, made.text)
     print(f'{path}: {made.megabytes:.1f} MB, {len(chosen)} of {len(frames)} pairs, points as '
           f'{made.precision}' + (f', every {made.step}. pixel of every {made.step}. row'
                                  if made.step > 1 else ''))
-
-
-def numbers(text, count):
-    """
-    Return the numbers that a list names, each below count.
-
-    Raises
-    ------
-    SettingsError
-        If the text is no such list, or names nothing that is there.
-
-    """
-    from ..core import SettingsError
-    found = []
-    for word in text.split(','):
-        parts = word.strip().split(':')
-        try:
-            values = [int(part) if part else None for part in parts]
-            chosen = (range(count)[slice(*values)] if len(parts) > 1
-                      else [range(count)[values[0]]])
-        except (ValueError, IndexError, TypeError) as error:
-            raise SettingsError(f'--frames {text}: {word.strip()!r} names none of the pairs 0 .. '
-                                f'{count - 1}; expected numbers such as 0,5 or 0:100:20'
-                                ) from error
-        found += chosen
-    if not found:
-        raise SettingsError(f'--frames {text}: names none of the pairs 0 .. {count - 1}')
-    return found
 
 
 def serve(host, port, frames):

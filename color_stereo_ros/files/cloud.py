@@ -8,14 +8,13 @@ import numpy as np
 from ..errors import RecordingError
 from .atomic import write_bytes
 
-_PLY = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'),
-                 ('red', 'u1'), ('green', 'u1'), ('blue', 'u1')])
-_PCD = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '<u4')])
+_IN_PLY = {'normal_x': 'nx', 'normal_y': 'ny', 'normal_z': 'nz'}
+"""Fields that PLY files name otherwise than PCD files."""
 
 
-def save_cloud(path, points, colors):
+def save_cloud(path, points, colors, fields=None, *, organized=False, durable=True):
     """
-    Write the known points of an organized cloud, binary, little endian.
+    Write an organized cloud or its known points, binary, little endian.
 
     Parameters
     ----------
@@ -25,11 +24,17 @@ def save_cloud(path, points, colors):
         m; NaN = unknown.
     colors : numpy.ndarray, uint8, shape (H, W, 3)
         RGB.
+    fields : dict of str to numpy.ndarray, float32, shape (H, W), optional
+        More fields of each point. A PLY file calls normal_x, normal_y, normal_z nx, ny, nz.
+    organized : bool
+        True: all H x W points row by row, unknown ones are NaN. False: the known points.
+    durable : bool
+        Wait until the disk holds the file.
 
     Returns
     -------
     count : int
-        Points written.
+        Known points written.
 
     Raises
     ------
@@ -42,32 +47,47 @@ def save_cloud(path, points, colors):
     if path.suffix not in encoders:
         raise RecordingError(f'{path} ends in {path.suffix!r}, expected .ply or .pcd')
     known = np.isfinite(points).all(axis=2)
-    content = encoders[path.suffix](points[known], colors[known])
+    chosen = np.ones_like(known) if organized else known
+    shape = known.shape if organized else (1, int(np.count_nonzero(known)))
+    content = encoders[path.suffix](points[chosen], colors[chosen], {
+        name: values[chosen] for name, values in (fields or {}).items()}, shape, organized)
     try:
-        write_bytes(path, content, make_folders=False, durable=True)
+        write_bytes(path, content, make_folders=False, durable=durable)
     except OSError as error:
         raise RecordingError(f'{path} cannot be written: {error.strerror or error}') from error
     return int(np.count_nonzero(known))
 
 
-def _ply_bytes(points, colors):
-    vertices = np.empty(len(points), _PLY)
-    for index, name in enumerate(_PLY.names):
-        vertices[name] = points[:, index] if index < 3 else colors[:, index - 3]
-    kinds = ['float'] * 3 + ['uchar'] * 3
-    header = ['ply', 'format binary_little_endian 1.0', f'element vertex {len(points)}',
-              *(f'property {kind} {name}' for kind, name in zip(kinds, _PLY.names)),
-              'end_header', '']
-    return '\n'.join(header).encode('ascii') + vertices.tobytes()
+def _ply_bytes(points, colors, fields, shape, organized):
+    named = {_IN_PLY.get(name, name): values for name, values in fields.items()}
+    normals = {name: values for name, values in named.items() if name in _IN_PLY.values()}
+    columns = {**dict(zip('xyz', points.T)), **normals,
+               **dict(zip(('red', 'green', 'blue'), colors.T)),
+               **{name: values for name, values in named.items() if name not in normals}}
+    kinds = {name: 'uchar' if values.dtype == np.uint8 else 'float'
+             for name, values in columns.items()}
+    grid = [f'obj_info num_cols {shape[1]}', f'obj_info num_rows {shape[0]}'] * organized
+    header = ['ply', 'format binary_little_endian 1.0', *grid, f'element vertex {len(points)}',
+              *(f'property {kind} {name}' for name, kind in kinds.items()), 'end_header', '']
+    return '\n'.join(header).encode('ascii') + _records(columns)
 
 
-def _pcd_bytes(points, colors):
-    vertices = np.empty(len(points), _PCD)
-    for index, name in enumerate('xyz'):
-        vertices[name] = points[:, index]
+def _pcd_bytes(points, colors, fields, shape, _):
     red, green, blue = colors.T.astype(np.uint32)
-    vertices['rgb'] = red << 16 | green << 8 | blue
-    header = ['# .PCD v0.7 - Point Cloud Data file format', 'VERSION 0.7', 'FIELDS x y z rgb',
-              'SIZE 4 4 4 4', 'TYPE F F F U', 'COUNT 1 1 1 1', f'WIDTH {len(points)}', 'HEIGHT 1',
-              'VIEWPOINT 0 0 0 1 0 0 0', f'POINTS {len(points)}', 'DATA binary', '']
-    return '\n'.join(header).encode('ascii') + vertices.tobytes()
+    columns = {**dict(zip('xyz', points.T)), 'rgb': red << 16 | green << 8 | blue, **fields}
+    kinds = ['U' if values.dtype == np.uint32 else 'F' for values in columns.values()]
+    header = ['# .PCD v0.7 - Point Cloud Data file format', 'VERSION 0.7',
+              f'FIELDS {" ".join(columns)}', f'SIZE{" 4" * len(columns)}',
+              f'TYPE {" ".join(kinds)}', f'COUNT{" 1" * len(columns)}', f'WIDTH {shape[1]}',
+              f'HEIGHT {shape[0]}', 'VIEWPOINT 0 0 0 1 0 0 0', f'POINTS {len(points)}',
+              'DATA binary', '']
+    return '\n'.join(header).encode('ascii') + _records(columns)
+
+
+def _records(columns):
+    """Return columns of numbers as the bytes of one record a point, little endian."""
+    records = np.empty(len(columns['x']), [(name, values.dtype.newbyteorder('<'))
+                                           for name, values in columns.items()])
+    for name, values in columns.items():
+        records[name] = values
+    return records.tobytes()

@@ -116,11 +116,31 @@ def output(topic, content_type, description):
     return register
 
 
-def millimeters(depth):
-    """Return depth (m, NaN = unknown) as uint16 mm, 0 = unknown or beyond 65.535 m (REP 118)."""
-    scaled = np.rint(np.nan_to_num(depth, nan=0.0) * np.float32(1000.0))
+def counted(depth, scale):
+    """
+    Return depth as whole numbers.
+
+    Parameters
+    ----------
+    depth : numpy.ndarray, float32, shape (H, W)
+        m; NaN = unknown.
+    scale : float
+        Numbers a meter.
+
+    Returns
+    -------
+    numbers : numpy.ndarray, uint16, shape (H, W)
+        0 = unknown, or above 65535.
+
+    """
+    scaled = np.rint(np.nan_to_num(depth, nan=0.0) * np.float32(scale))
     scaled[scaled > 65535.0] = 0.0
     return scaled.astype(np.uint16)
+
+
+def millimeters(depth):
+    """Return depth (m, NaN = unknown) as uint16 mm, 0 = unknown or beyond 65.535 m (REP 118)."""
+    return counted(depth, 1000.0)
 
 
 @lru_cache(maxsize=2)

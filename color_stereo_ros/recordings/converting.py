@@ -13,7 +13,7 @@ from ..parameters.files import settings_text
 from .engine import run_tasks
 from .parts import Parts
 from .refusals import TOLD
-from .tasks import PAIRS, plan_of, tasks_of
+from .tasks import pairs_per_task, readable_plan, tasks_of
 from .working import Run
 from .writing import check_writable
 
@@ -115,12 +115,19 @@ class Conversion:
         """The Plan, once it is made."""
         self.tally = Tally()
 
+    @property
+    def path(self):
+        """Return the path of the recording."""
+        return self._recording.path
+
+    @property
+    def loss(self):
+        """Return what cannot be read of a damaged recording, as text, or None."""
+        return self._recording.loss
+
     def pair(self, say, tick=lambda message: None):
-        """Find the pairs, see `plan_of`."""
-        self.plan = plan_of(self._recording, self._topics, self._settings, say, tick)
-        if not len(self.plan.rows):
-            raise RecordingError(f'{self._recording.path}: no pair could be measured: '
-                                 f'{self.plan.reason}')
+        """Find the pairs, see `readable_plan`."""
+        self.plan = readable_plan(self._recording, self._topics, self._settings, say, tick)
 
     def measure(self, say, tick=lambda count: None):
         """
@@ -141,11 +148,13 @@ class Conversion:
         """
         if self._work.restart:
             self._parts.remove()
-        tasks = tasks_of(self.plan.rows, self._pairs_per_task)
+        tasks = tasks_of(self.plan.rows, pairs_per_task(self._settings))
         with self._parts.opened(self._identity(), settings_text(flat(self._settings)),
                                 self.plan.calibrations, resume=self._work.resume):
             try:
                 self._measure(tasks, Teller(say), tick)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(self._result)) from error
             except BaseException:
                 if kept := len(self._parts.done()):
                     say(f'{kept} of {len(tasks)} parts are done and kept; the same command with '
@@ -158,11 +167,6 @@ class Conversion:
                     f'{self.tally.failed} pairs were refused; the first: '
                     f'{self.tally.first_failure}')
             self._parts.join(len(tasks), overwrite=self._work.overwrite)
-
-    @property
-    def _pairs_per_task(self):
-        """Return the pairs of a task: all, where each pair changes the geometry of the next."""
-        return None if self._settings.health.correct == 'apply' else PAIRS
 
     def _measure(self, tasks, teller, tick):
         alone = self._work.scheduler is None and min(self._work.workers, len(tasks)) <= 1
@@ -181,7 +185,8 @@ class Conversion:
 
     def _run(self):
         return Run(str(self._recording.path.resolve()), str(self._parts.folder),
-                   self._topics.names, self._outputs, self._namespace, uuid4().hex)
+                   self._topics.names, self._outputs, self._namespace, uuid4().hex,
+                   self._recording.loss is not None)
 
     def _identity(self):
         """Return what the parts depend on."""

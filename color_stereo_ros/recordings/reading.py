@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 import re
 
+import numpy as np
+
 from ..errors import RecordingError
+from .salvage import is_salvageable, SalvagedMcap
 from .sources import opened
 from .topics import NOTHING_NAMED, stereo_topics
 from .types import typestore
@@ -46,6 +49,8 @@ class Recording:
     ----------
     path : str or Path
         A rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 bag.
+    salvaged : bool
+        Take what can be read of damaged MCAP files; `loss` tells what is missing.
 
     Raises
     ------
@@ -54,10 +59,20 @@ class Recording:
 
     """
 
-    def __init__(self, path):
+    def __init__(self, path, salvaged=False):
         self.path = Path(path)
+        self.loss = None
+        """What cannot be read of a salvaged recording, as text; None: it is taken as whole."""
+        if salvaged:
+            self._take(SalvagedMcap(self.path))
+            self.loss = str(self._source.loss)
+            return
         with self._explained():
-            self._source = opened(self.path)
+            self._take(opened(self.path))
+
+    def _take(self, source):
+        """Read from a source from now on."""
+        self._source = source
         connections = self._source.connections
         self.topics = {item.topic: item.msgtype for item in connections}
         """Topic names to type names."""
@@ -68,6 +83,21 @@ class Recording:
         self.latched = {item.topic for item in connections if self._source.is_latched(item)}
         """Names of the topics that were transient local (ROS 1: latched)."""
 
+    def salvage(self):
+        """
+        Go on with what can be read of damaged MCAP files.
+
+        Raises
+        ------
+        RecordingError
+            If nothing can be read.
+
+        """
+        source = SalvagedMcap(self.path)
+        self._source.close()
+        self._take(source)
+        self.loss = str(source.loss)
+
     def __enter__(self):
         return self
 
@@ -75,9 +105,27 @@ class Recording:
         self._source.close()
 
     @property
+    def start_ns(self):
+        """Return when the first message was recorded, ns; meaningless without messages."""
+        return self._source.start_ns
+
+    @property
     def duration(self):
         """Return the time between the first and the last message, s."""
         return max(self._source.duration_ns, 0) * 1e-9
+
+    def record_times(self, topic):
+        """
+        Return when the messages of a topic were recorded, without reading them.
+
+        Returns
+        -------
+        times : numpy.ndarray, int64, shape (n,)
+            ns, in order; empty where the file has no index.
+
+        """
+        with self._explained():
+            return np.sort(self._source.record_times(topic))
 
     def messages(self, topics=None, start=None, stop=None):
         """
@@ -140,6 +188,36 @@ class Recording:
         except Exception as error:
             raise RecordingError(f'{self.path}: damaged or only half written: '
                                  f'{_damage(error)}') from error
+
+
+def open_readable(path, say):
+    """
+    Open a recording; of damaged MCAP files, open what can be read.
+
+    Parameters
+    ----------
+    path : str or Path
+    say : callable
+        Called with a sentence about what is lost.
+
+    Returns
+    -------
+    recording : Recording
+
+    Raises
+    ------
+    RecordingError
+        If nothing can be read.
+
+    """
+    try:
+        return Recording(path)
+    except RecordingError as error:
+        if 'metadata.yaml' in str(error) or not is_salvageable(path):
+            raise
+        recording = Recording(path, salvaged=True)
+        say(f'{error}; read is what is whole: {recording.loss}')
+        return recording
 
 
 def _damage(error):

@@ -7,7 +7,10 @@ refused in one sentence that says what to do.
 
 """
 
+import numpy as np
+
 from ..errors import RecordingError
+from .record_times import times_in
 from .types import new_typestore
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
@@ -116,6 +119,11 @@ class Bag:
         return self._reader.connections
 
     @property
+    def start_ns(self):
+        """Return when the first message was recorded, ns."""
+        return self._reader.start_time
+
+    @property
     def duration_ns(self):
         """Return the time between the first and the last message, ns."""
         return self._reader.duration - 1
@@ -159,6 +167,11 @@ class Rosbag2(Bag):
     def _decoded(self, _, data):
         return self._unpacked(data)
 
+    def record_times(self, topic):
+        """Return when the messages of a topic were recorded, int64 (n,), ns, where known."""
+        storages = getattr(self._reader.storage, 'storages', [self._reader.storage])
+        return np.concatenate([times_in(storage, topic) for storage in storages])
+
     @staticmethod
     def _damage(_):
         return 'it cannot be unpacked'
@@ -189,6 +202,11 @@ class Rosbag1(Bag):
     def is_latched(self, connection):
         """Tell whether a topic was latched."""
         return bool(connection.ext.latching)
+
+    def record_times(self, topic):
+        """Return when the messages of a topic were recorded, int64 (n,), ns."""
+        return np.array([entry.time for item in self.connections if item.topic == topic
+                         for entry in self._reader.indexes[item.id]], np.int64)
 
     def _decoded(self, connection, data):
         return self._types.ros1_to_cdr(data, connection.msgtype)

@@ -17,8 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core import StereoCalibration
+from ..errors import RecordingError
 from ..messages.reading import stamp_ns
-from .pairing import FoundPair, Pairing, Place, Places, Taken
+from .pairing import FoundPair, Pairing, Places, Taken
+from .salvage import is_salvageable
 
 PAIRS = 64
 """Pairs of a task; chosen: the warm-up costs 5 % then, and a killed process seconds."""
@@ -97,10 +99,38 @@ def plan_of(recording, topics, settings, say, tick=lambda message: None):
                 pairing.reason())
 
 
+def readable_plan(recording, topics, settings, say, tick=lambda message: None):
+    """
+    Return the Plan of a recording, see `plan_of`; of a damaged one, of what can be read.
+
+    Raises
+    ------
+    RecordingError
+        If nothing can be read, or there is no pair.
+
+    """
+    try:
+        plan = plan_of(recording, topics, settings, say, tick)
+    except RecordingError as error:
+        if recording.loss is not None or not is_salvageable(recording.path):
+            raise
+        recording.salvage()
+        say(f'{error}; read is what is whole: {recording.loss}')
+        plan = plan_of(recording, topics, settings, say, tick)
+    if not len(plan.rows):
+        raise RecordingError(f'{recording.path}: no pair could be measured: {plan.reason}')
+    return plan
+
+
 def _row(pair, calibration):
     places = [value for taken in (pair.left, pair.right)
               for value in (taken.place.time_ns, taken.place.occurrence, stamp_ns(taken.header))]
     return (*places, pair.recorded, pair.time_ns, calibration)
+
+
+def pairs_per_task(settings):
+    """Return the pairs of a task; None: each pair changes the geometry of the next, so all."""
+    return None if settings.health.correct == 'apply' else PAIRS
 
 
 def tasks_of(rows, pairs=PAIRS):

@@ -19,6 +19,7 @@ OPTIONS = '--left-image', '--right-image', '--left-info', '--right-info'
 _PARTNERS = {'left': 'right', 'Left': 'Right', 'LEFT': 'RIGHT', 'l': 'r', 'L': 'R', '0': '1',
              '1': '2'}
 _OTHER_IMAGES = re.compile('depth|disparity|mask|confidence', re.IGNORECASE)
+_RESULTS = '/depth/image', '/points'
 _LAST_CHOICE = re.compile('rect|mono|gr[ae]y', re.IGNORECASE)
 
 
@@ -179,10 +180,13 @@ def _question(recording):
     compressed = sorted(topic for topic, kind in recording.topics.items() if kind == COMPRESSED)
     if compressed and Image.TYPE not in recording.topics.values():
         return f'its images are compressed ({", ".join(compressed)}): {DECOMPRESS}'
-    return f'it holds {", ".join(sorted(recording.topics)) or "no topic at all"}'
+    held = ', '.join(sorted(recording.topics)) or 'no topic at all'
+    if any(f'/{topic}'.endswith(_RESULTS) for topic in recording.topics):
+        return f'it holds results ({held}): name the recording of the images they were made from'
+    return f'it holds {held}'
 
 
-def guessed_pairs(topics, counts):
+def guessed_pairs(topics, counts, compressed=False):
     """
     Return the stereo pairs that names of topics speak of.
 
@@ -192,6 +196,8 @@ def guessed_pairs(topics, counts):
         Topic names to types.
     counts : dict
         Topic names to numbers of messages; topics without any are left out.
+    compressed : bool
+        Look for JPEG and PNG images instead of raw ones.
 
     Returns
     -------
@@ -200,15 +206,18 @@ def guessed_pairs(topics, counts):
         None.
 
     """
-    images = {topic for topic, kind in topics.items()
-              if kind == Image.TYPE and counts[topic] and not _OTHER_IMAGES.search(topic)}
-    infos = {topic for topic, kind in topics.items() if kind == CameraInfo.TYPE and counts[topic]}
+    kind, suffix = (COMPRESSED, _SUFFIX) if compressed else (Image.TYPE, '')
+    images = {topic.removesuffix(suffix) for topic, found in topics.items()
+              if found == kind and topic.endswith(suffix) and counts[topic]
+              and not _OTHER_IMAGES.search(topic)}
+    infos = {topic for topic, found in topics.items()
+             if found == CameraInfo.TYPE and counts[topic]}
     best = {}
     for left in sorted(images, key=_kind):
         for right in sorted(_partners(left) & images):
             cameras = left.rpartition('/')[0], right.rpartition('/')[0]
             best.setdefault(cameras if cameras[0] != cameras[1] else (left, right), (left, right))
-    return [StereoTopics(left, right, *_infos_of(left, right, infos))
+    return [StereoTopics(left + suffix, right + suffix, *_infos_of(left, right, infos))
             for left, right in sorted(best.values())]
 
 

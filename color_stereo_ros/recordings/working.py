@@ -13,9 +13,9 @@ from ..files.atomic import folder_written_whole, write_text
 from ..files.yaml import yaml_text
 from ..parameters.files import read_settings
 from ..parameters.groups import RangeNodeSettings
-from .measuring import make_stereo, OutputWriter, PairSensor
+from .carrying import TaskStereo
+from .measuring import OutputWriter, PairSensor
 from .reading import Recording
-from .tasks import read_pairs
 from .topics import StereoTopics
 from .writing import open_writer
 
@@ -53,6 +53,8 @@ class Run:
     namespace: str
     token: str
     """Another one for each run: nothing is kept from one run to the next."""
+    salvaged: bool = False
+    """The recording is damaged: what can be read of it is taken."""
     version: str = __version__
 
 
@@ -108,22 +110,21 @@ class Worker:
         self._topics = StereoTopics(*run.topics)
         defaults = RangeNodeSettings()
         self._settings = updated(defaults, read_settings(self._folder / SETTINGS, defaults))
-        self._index = self._stereo = self._calibration = self._settled = None
+        self._tasks = TaskStereo(self._topics, self._settings, self._calibration)
 
     def measure(self, task, tick):
         """Measure a task, see `measure_task`."""
-        self._use(task.calibration)
         said, now = [], [0]
         sensor = PairSensor(self._topics, self._settings, said.append, lambda: now[0] * 1e-9)
-        with Recording(self._run.recording) as recording, \
+        with Recording(self._run.recording, self._run.salvaged) as recording, \
                 folder_written_whole(self._folder / part_name(task.index), replace=True) as part:
-            self._begin(recording, task)
+            stereo = self._tasks.before(recording, task)
             with open_writer(part) as writer:
                 outputs = OutputWriter(writer, self._settings, self._run.outputs,
                                        self._run.namespace)
-                for pair in self._pairs(recording, task.rows):
+                for pair in self._tasks.pairs(recording, task.rows):
                     now[0] = pair.recorded
-                    result = sensor.measure(self._stereo, pair)
+                    result = sensor.measure(stereo, pair)
                     if result is not None:
                         outputs.write(result, pair)
                     tick()
@@ -132,37 +133,9 @@ class Worker:
             write_text(part / ACCOUNT, yaml_text(account))
         return account
 
-    def _use(self, index):
-        """Make the ColorStereo of a calibration, unless it is the one in use."""
-        if index != self._index:
-            self._calibration = StereoCalibration.from_yaml(
-                *(self._folder / name for name in calibration_names(index)))
-            self._stereo = make_stereo(self._calibration, self._settings)
-            self._index, self._settled = index, None
-
-    def _begin(self, recording, task):
-        """Bring what is carried from pair to pair to the state before a task."""
-        stereo = self._stereo
-        stereo.reset()
-        if not len(task.settling):
-            return
-        if self._settled is None:
-            self._pass_over(recording, task.settling)
-            self._settled = stereo.alignment, stereo.projector, stereo.health
-        alignment, projector, health = self._settled
-        stereo.adopt(alignment)
-        stereo.adopt_projector(projector)
-        stereo.adopt_health(health)
-        self._pass_over(recording, task.warm_up)
-
-    def _pass_over(self, recording, rows):
-        """Measure pairs for what they show of the rig alone."""
-        sensor = PairSensor(self._topics, self._settings, say=lambda text: None)
-        for pair in self._pairs(recording, rows):
-            sensor.measure(self._stereo, pair)
-
-    def _pairs(self, recording, rows):
-        return read_pairs(recording, self._topics, rows, self._calibration)
+    def _calibration(self, index):
+        return StereoCalibration.from_yaml(
+            *(self._folder / name for name in calibration_names(index)))
 
 
 def read_account(part):

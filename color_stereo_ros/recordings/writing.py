@@ -82,7 +82,10 @@ def open_writer(path):
     # STORAGE = compressed chunks inside the MCAP file, which every reader of MCAP knows.
     writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
-        writer.storage.compressor = partial(zstd.compress, level=LEVEL)
+        # the checksum lets readers notice damage: the library leaves out MCAP's own
+        writer.storage.compressor = partial(zstd.compress, options={
+            zstd.CompressionParameter.compression_level: LEVEL,
+            zstd.CompressionParameter.checksum_flag: 1})
         yield RecordingWriter(writer)
 
 

@@ -9,7 +9,7 @@ from ..core import RecordingError
 from ..recordings.carrying import TaskStereo
 from ..recordings.measuring import make_stereo, PairSensor
 from ..recordings.reading import seconds
-from ..recordings.tasks import plan_of, tasks_of
+from ..recordings.tasks import readable_plan, tasks_of
 from .frame import Frame
 
 KEPT = 8
@@ -76,22 +76,19 @@ class RecordedFrames(MeasuredFrames):
     topics : StereoTopics
     settings : RangeNodeSettings
     say, tick : callable
-        As for `plan_of`.
+        As for `readable_plan`.
 
     Raises
     ------
     RecordingError
-        If it holds no pair.
+        If no pair can be read.
 
     """
 
     def __init__(self, recording, topics, settings, say=print, tick=lambda message: None):
         super().__init__()
         self._recording, self._settings = recording, settings
-        plan = plan_of(recording, topics, settings, say, tick)
-        if not len(plan.rows):
-            raise RecordingError(f'{recording.path}: no pair can be measured: {plan.reason}')
-        self._calibrations = plan.calibrations
+        plan = readable_plan(recording, topics, settings, say, tick)
         self._tasks = tasks_of(plan.rows, 1)
         self._stereo = TaskStereo(topics, settings, plan.calibrations.__getitem__)
         self._sensor = PairSensor(topics, settings, say=lambda text: None)

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arguments by which commands name a recording and the topics of its pair."""
+
+
+def add_recording_arguments(parser, about_namespace=''):
+    """Declare the recording, and its topics."""
+    from ..recordings.topics import OPTIONS
+    parser.add_argument('recording', help='rosbag2 folder, a single .mcap or .db3 file, or a '
+                        'ROS 1 bag')
+    topics = parser.add_argument_group('topics', 'where a recording has several pairs, or other '
+                                       'names than range_node expects')
+    topics.add_argument('--namespace', metavar='NAME', help='namespace of the cameras'
+                        + about_namespace)
+    for option, what in zip(OPTIONS, (
+            'topic of the images of the left camera', 'topic of the images of the right camera',
+            'with --left-image: topic of the camera_info of the left camera',
+            'with --right-image: topic of the camera_info of the right camera')):
+        topics.add_argument(option, metavar='TOPIC', help=what)
+
+
+def named_topics(args):
+    """Return the StereoTopics that a command line names; None where it names none."""
+    from ..recordings.topics import StereoTopics
+    return StereoTopics(args.left_image, args.right_image, args.left_info, args.right_info)
+
+
+def topics_of(args, recording, settings):
+    """Return the StereoTopics of a command line in a recording."""
+    return recording.stereo_topics(args.namespace, named_topics(args),
+                                   settings.input.transport == 'compressed')
