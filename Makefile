@@ -14,8 +14,8 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 help:  ## show this list
 	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
 
-demo:  ## play the sample recordings through both nodes, show what comes out in demo_output/
-	@.ci/setup ros,tools
+demo:  ## play the samples through both nodes, show what comes out in demo_output/ and the browser
+	@.ci/setup ros,tools,view
 	@$(COLOR_STEREO) demo
 
 quick:  ## run the tests that need no processes, no ROS and no simulator: within a minute

@@ -48,8 +48,9 @@ setup(
         'tools': ['rosbags>=0.11', 'mcap>=1.1', 'matplotlib>=3.6', 'tqdm>=4.66',
                   'distributed>=2023.1'],
         'cluster': ['distributed>=2023.1'],
-        'view': ['viser>=1.0'],
-        'test': ['pytest>=7.4', 'pytest-xdist>=3.4', 'colcon-common-extensions', 'setuptools<80'],
+        'view': ['viser>=1.1'],
+        'test': ['pytest>=7.4', 'pytest-xdist>=3.4', 'colcon-common-extensions', 'setuptools<80',
+                 'playwright>=1.40'],
     },
     zip_safe=False,
     entry_points={'console_scripts': [

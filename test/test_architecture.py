@@ -24,16 +24,18 @@ DOORS = {
     'evaluation': 'errors files core parameters sim pages calibration',
     'recordings': 'errors files core parameters messages patience',
     'nodes': 'errors files core parameters messages patience calibration',
+    'viewer': 'errors files core parameters messages patience pages calibration recordings nodes',
     'bench': 'errors files core parameters messages patience calibration sim evaluation '
              'recordings nodes',
     'demo': 'errors files core parameters messages patience calibration sim evaluation recordings '
             'nodes',
     'cli': 'errors files core parameters messages patience pages calibration sim evaluation '
-           'recordings nodes bench demo',
+           'recordings nodes viewer bench demo',
 }
-# Modules with a door of their own: the node that plays the simulated rig, and the boards that the
-# rig sees.
-SIDE_DOORS = {'nodes/sim_rig.py': 'sim', 'sim/board_shape.py': 'calibration'}
+# Modules with a door of their own: the node that plays the simulated rig, the boards that the rig
+# sees, and what measures the viewer with the pair of the command `process`.
+SIDE_DOORS = {'nodes/sim_rig.py': 'sim', 'sim/board_shape.py': 'calibration',
+              'bench/viewer.py': 'viewer cli'}
 
 # Rooms within the core: the rooms that they must not know, besides those above.
 CLOSED = {
@@ -52,10 +54,10 @@ CLOSED = {
 PACKAGES = {
     'errors': '',
     'patience': '',
-    'pages': 'cv2 matplotlib',
+    'pages': 'numpy cv2 matplotlib viser',
     'files': 'numpy cv2 yaml',
     'core': 'numpy cv2',
-    'calibration': 'numpy cv2 matplotlib viser',
+    'calibration': 'numpy cv2 matplotlib',
     'parameters': 'yaml',
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',
@@ -74,7 +76,7 @@ PUBLIC_NUMBA = {'njit', 'prange', 'get_num_threads', 'set_num_threads', 'threadi
 KERNELS_MAY_IMPORT = re.compile(r'core\.compiled(\.\w+)?$|(.*\.)?(status|status_codes|tuning)$'
                                 r'|.*kernels$')
 NAN_SAFE = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}
-LATE = {'mitsuba', 'rosbags', 'scipy', 'viser'}
+LATE = {'mitsuba', 'rosbags', 'scipy', 'viser', 'websockets'}
 KERNELS = [name for name in SOURCES if name.endswith('kernels.py')]
 COMPILED = [name for name in SOURCES if name.startswith('core/compiled/')]
 ENCODING = re.compile(r'(rgb8|bgr8|rgba8|bgra8|mono8|mono16|32FC1|16UC1|bayer_.*)$')

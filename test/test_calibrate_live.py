@@ -13,9 +13,9 @@ import pytest
 from ros_rig import COMPILING, Rig, ROOT  # first: it chooses the ROS domain
 
 from board_shots import BASELINE, images
-from color_stereo_ros.calibration.live_page import padded
 from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.files.image import read_image
+from color_stereo_ros.pages.serving import padded
 
 VIEWS = 8
 PERIOD = 0.15  # s between pairs

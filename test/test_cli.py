@@ -215,6 +215,7 @@ def test_every_long_command_shows_progress_of_this_kind():
     folder = Path(cli.__file__).parent
     users = {path.stem for path in folder.glob('*.py')
              if 'from .progress import Progress' in path.read_text()}
-    assert users == {'bench', 'convert', 'evaluate', 'export', 'render', 'stress'}
+    assert users == {'bench', 'convert', 'evaluate', 'export', 'render', 'stress',
+                     'view'}
     assert not [path for path in folder.glob('*.py')
                 if 'import tqdm' in path.read_text() and path.stem != 'progress']

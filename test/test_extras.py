@@ -63,7 +63,7 @@ def run(code, *words, cwd):
 def modules_beside(*extras):
     """Return the modules of all extras but those named."""
     kept = {module for extra in extras for module in cli.EXTRAS[extra]}
-    kept |= {'tqdm'} if 'sim' in extras else set()
+    kept |= {'tqdm'} if {'sim', 'view'} & set(extras) else set()
     return {module for modules in cli.EXTRAS.values() for module in modules} - kept
 
 
@@ -84,6 +84,7 @@ WORKS = {
     'convert': (('tools',), ['convert', 'recorded', 'converted', *SETTINGS]),
     'export': (('tools',), ['export', 'recorded', 'exported', *SETTINGS]),
     'inspect': (('tools',), ['inspect', 'recorded', *SETTINGS]),
+    'view': (('view',), ['view', '--sample', '--html', 'view.html']),
     'render': (('sim',), ['render', 'card.yaml', 'rendered', '--samples', '1', '--direct-only',
                           '--pattern.width', '64', '--pattern.height', '64']),
 }
@@ -113,6 +114,9 @@ MISSES = {
     'evaluate, experiments': ('sim', ['evaluate', '--quick']),
     'bench': ('tools', ['bench']),
     'trust': ('tools', ['trust']),
+    'view': ('view', ['view', '--sample']),
+    'view, recording': ('tools', ['view', 'recorded', '--html', 'view.html']),
+    'view, live': ('ros', ['view', '--live']),
     'project': ('project', ['project', '--level', '3']),
     'project, ROS': ('ros', ['project']),
 }

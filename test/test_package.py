@@ -27,7 +27,8 @@ ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'llvmlite': 'p
                'tqdm': 'python3-tqdm'}
 """Module to rosdep key, where they differ."""
 
-FROM_PYPI = {'mitsuba', 'drjit', 'rosbags', 'mcap', 'dask', 'distributed', 'viser'}
+FROM_PYPI = {'mitsuba', 'drjit', 'rosbags', 'mcap', 'dask', 'distributed', 'viser',
+             'websockets'}
 """Modules of the extras that rosdep does not install."""
 
 

@@ -2,7 +2,7 @@
 """`color_stereo demo`: recordings in, range images and point clouds out, over real topics."""
 
 SUMMARY = 'play the sample recordings through both nodes and show what comes out'
-NEEDS = '[tools], [ros]'
+NEEDS = '[tools], [ros]; on a terminal [view]'
 
 
 def add_arguments(parser):
@@ -17,6 +17,9 @@ def add_arguments(parser):
                         help='give up on a sample if range_node, once it is ready, has given no '
                              'complete output after so many seconds; the time in which it starts '
                              'and compiles its kernels does not count (default 120)')
+    parser.add_argument('--port', type=int, default=8080, metavar='N', help='on a terminal it '
+                        'ends with the first sample in the browser (color_stereo view), at this '
+                        'port or the next free one (default 8080)')
 
 
 def run(args):
@@ -31,5 +34,32 @@ def run(args):
     if 'ROS_DOMAIN_ID' not in os.environ:
         os.environ['ROS_DOMAIN_ID'] = str(own_domain())
     from ..demo.run import Demo
-    page = Demo(Path(args.samples), Path(args.output), args.wait).run()
+    demo = Demo(Path(args.samples), Path(args.output), args.wait)
+    page = demo.run()
     print(f'\nThe page is ready: {page.resolve()}')
+    if somebody_sits_there():
+        look_at(demo.first, args.port)
+
+
+def somebody_sits_there():
+    """Return whether a person has started the command on a terminal."""
+    import os
+    import sys
+    return sys.stdin.isatty() and sys.stdout.isatty() and not os.environ.get('CI')
+
+
+def look_at(sample, port):
+    """Show the recording of a sample in the browser until somebody interrupts."""
+    from importlib.util import find_spec
+
+    from ..demo.layout import RECORDING, SETTINGS
+    from ..demo.run import settings_of
+    from ..recordings.reading import Recording
+    from .view import recorded, serve
+    if find_spec('viser') is None:
+        print("To look at every pixel: pip install '.[view]', then\n"
+              f'  color_stereo view {sample / RECORDING} --config {sample / SETTINGS}')
+        return
+    with Recording(sample / RECORDING) as recording:
+        serve('127.0.0.1', port, recorded(recording, recording.stereo_topics(),
+                                          settings_of(sample)))

@@ -264,6 +264,38 @@ class ColorStereo:
         return self._tracker().finder.left_right_pairs(
             pair.left, pair.right, (pair.left_inside, pair.right_inside))
 
+    def cost_curve(self, left, right, pixel, alignment=None):
+        """
+        Search a pair once more, and return what the search knows of one pixel.
+
+        Parameters
+        ----------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB images.
+        pixel : (int, int)
+            Column and row in the rectified left image.
+        alignment : Alignment, optional
+            `RangeResult.alignment` of the pair.
+
+        Returns
+        -------
+        curve : CostCurve or None
+            None: the method has no coarse search, or it has compared brightness instead.
+
+        Raises
+        ------
+        ImageError
+            If an image is no array, or its type or size is wrong.
+
+        """
+        refuse_after_fork()
+        left, right = self._rectifier.checked(left, right)
+        if not hasattr(self._method, 'curve'):
+            return None
+        with KERNELS:
+            return self._method.curve(*self._corrected(left, right, Stopwatch()), alignment,
+                                      pixel)
+
     def search_rows(self, left, right):
         """
         Search a pair for the row error of the views, from nothing.

@@ -23,6 +23,7 @@ from ..files.claim import held
 from ..files.cloud import save_cloud
 from ..files.image import write_image
 from ..messages.outputs import millimeters
+from ..messages.published import values_of
 from ..messages.reading import image_to_rgb
 from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
 from ..nodes.sensor.worker import COMPILING, READY
@@ -77,6 +78,11 @@ class Demo:
         self.wait = wait
         self._start = time.monotonic()
         self._waiting_for = None
+
+    @property
+    def first(self):
+        """Return the folder of the first sample on the page."""
+        return default_first(self.samples)[0]
 
     def run(self):
         """Return the path of the page."""
@@ -172,7 +178,7 @@ class Demo:
 
         def seen():
             message = collector.latest('views/image')
-            return message is not None and (float_image(message) & PROJECTOR).any()
+            return message is not None and (values_of(message) & PROJECTOR).any()
 
         if not spin_until(node, seen, PROJECTOR_WAIT, processes.check):
             self._say(f'{name}: not found; two views count')
@@ -258,12 +264,6 @@ def first_pair(recording):
             calibration)
 
 
-def float_image(message):
-    """Return a 32FC1 or mono8 message as an array (H, W)."""
-    kind = {'32FC1': np.float32, 'mono8': np.uint8}[message.encoding]
-    return np.frombuffer(message.data, kind).reshape(message.height, message.width)
-
-
 def points_from(message):
     """Return x, y, z of an organized cloud of 16 bytes a point, float32 (H, W, 3)."""
     return _cloud(message)[..., :3]
@@ -277,12 +277,12 @@ def _cloud(message):
 def result_from(messages, calibration, settings):
     """Return the RangeResult that a set of published messages amounts to."""
     geometry = calibration.geometry
-    depth = float_image(messages['depth/image'])
+    depth = values_of(messages['depth/image'])
     color = _cloud(messages['points'])[..., 3:].copy().view(np.uint8)
     return RangeResult(
         disparity=disparity_from_depth(depth, geometry), depth=depth,
-        confidence=float_image(messages['confidence/image']),
-        status=float_image(messages['status/image']), views=float_image(messages['views/image']),
+        confidence=values_of(messages['confidence/image']),
+        status=values_of(messages['status/image']), views=values_of(messages['views/image']),
         disparity_std=np.full(depth.shape, np.nan, np.float32), image_source=color[..., 2::-1],
         geometry=geometry, disparity_limits=disparity_limits(geometry, settings.range))
 

@@ -153,13 +153,14 @@ class Collector:
     KEPT = 10  # stamps
 
     def __init__(self, node, namespace, topics):
+        prefix = f'/{namespace}/' if namespace else '/'
         self._node = node
         self._topics = set(topics)
         self._by_stamp = {}
         self.received = dict.fromkeys(topics, 0)
         """Number of messages of each topic."""
         self._subscriptions = [
-            node.create_subscription(kind, f'/{namespace}/{topic}', self._keeper(topic), 5)
+            node.create_subscription(kind, f'{prefix}{topic}', self._keeper(topic), 5)
             for topic, kind in topics.items()]
 
     def _keeper(self, topic):

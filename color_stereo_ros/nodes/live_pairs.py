@@ -85,6 +85,10 @@ class LivePairs:
             except ImageError as error:
                 say(str(error))
 
+    def latest(self):
+        """Return the latest Pair of messages that nobody took, or None."""
+        return self._slot.take(0.0)
+
     def _complaint(self):
         """Say why no pair comes, or None."""
         text = self._synchronizer.complaint(PATIENCE)

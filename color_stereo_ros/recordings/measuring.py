@@ -78,7 +78,7 @@ class PairSensor:
 
         """
         try:
-            images = self._images_of(pair)
+            images = self.images_of(pair)
             result = stereo.process(*images)
         except ColorStereoError as error:
             self._refuse(f'pair of stamp {pair.stamp} ns, recorded at {seconds(pair.recorded)} s, '
@@ -105,8 +105,20 @@ class PairSensor:
         elif self._told == TOLD + 1:
             self._say('more pairs are odd; that is not told any more')
 
-    def _images_of(self, pair):
-        """Return both images of a pair as RGB, and say once what is odd about their values."""
+    def images_of(self, pair):
+        """
+        Return both images of a FoundPair as RGB; say once what is odd about their values.
+
+        Returns
+        -------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+
+        Raises
+        ------
+        ImageError
+            If one of them cannot be read.
+
+        """
         bits = self._settings.input.significant_bits
         pair = opened(Pair(pair.left.content, pair.right.content, pair.stamp, 0, 0.0))
         images = (_rgb(pair.left, bits, self._topics.left_image),

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from ..compiled import BANDS
+from ..curves import CostCurve
 from ..triangulation import search_interval
 from .coarse_kernels import (
     add_turned, cost_volume, count_rivals, reduce_colors, sgm_paths, winners)
@@ -117,6 +118,20 @@ class CoarseSearch:
         if self.least_gap > 0:
             cv2.blur(self.clear, self.region, dst=self.clear_share)
         return self.seeds
+
+    def curve(self, column, row):
+        """
+        Return the CostCurve of a pixel in the pair that was searched last.
+
+        column, row: in the rectified left image, px.
+
+        """
+        step, (lines, depth, lanes) = 2 * self.factor, self.upright.cost.shape
+        line, lane = (min(int(at) // step, count - 1)
+                      for at, count in ((row, lines), (column, lanes)))
+        return CostCurve.of(
+            step * np.arange(self.first, self.first + depth) + self.seeds.offset,
+            self.upright.cost[line, :, lane], self.upright.total[line, :, lane], self.costs[0])
 
     def rival_share(self):
         """Return the share of the lit nodes with a match that match well at two places."""

@@ -439,6 +439,25 @@ class SurfaceMethod:
             self.refine(turn, views, planes, pair, clock)
         return pair, seeds
 
+    def curve(self, left, right, alignment, pixel):
+        """
+        Return the CostCurve of a pixel, None where the coarse search does not seed the pair.
+
+        Parameters
+        ----------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB images.
+        alignment : Alignment or None
+            As the pair has shown it.
+        pixel : (int, int)
+            Column and row in the rectified left image.
+
+        """
+        left, right, looks = self.alike(left, right)
+        applied = np.zeros(COUNT) if alignment is None else alignment.applied
+        seeds = self.seeds(self.views.load(left, right, applied, looks))
+        return self.coarse.curve(*pixel) if seeds is self.coarse.seeds else None
+
     def alike(self, left, right):
         """
         Return both raw images without color where one has none, and looks; sets `gray`.
