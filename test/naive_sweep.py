@@ -21,7 +21,13 @@ def light_at(image, u, v):
     return value, (1 - t) * (b - a) + t * (d - c), (1 - s) * (c - a) + s * (d - b)
 
 
-def color(image, colors, light, sweep, x, y, d, margin):
+def thin_light(image, u, v):
+    """Return the light of the top left of 2 x 2 pixels, and slopes that nobody reads."""
+    nothing = np.zeros(3)
+    return image[int((v + 0.5) / 2) * 2, int((u + 0.5) / 2) * 2], nothing, nothing
+
+
+def color(image, colors, light, sweep, x, y, d, margin, light_at=light_at):
     """Return chromaticity (2,) and its slope against d; None outside the pattern."""
     (u, v), (du, dv), depth = place(sweep, x, y, d)
     height, width = image.shape[:2]
@@ -85,3 +91,9 @@ def better_plane(d, a, b, y, x, step, costs, best, wanted):
     moved = d[j, i] - along * a[j, i] - down * b[j, i]
     return (costs[which], moved, a[j, i], b[j, i]) if (
         costs[which] < best and not np.isnan(moved)) else found
+
+
+def best_window(cost, y, x):
+    """Return the lowest mean of the windows of 3 x 3 nodes that hold a node."""
+    return min(cost[j - 1:j + 2, i - 1:i + 2].astype(float).mean()
+               for j in range(y - 1, y + 2) for i in range(x - 1, x + 2))

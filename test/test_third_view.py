@@ -2,25 +2,31 @@
 """The projector as a third view: where it lights, what it adds, when it is not believed."""
 
 from functools import lru_cache
+import math
 
 from color_stereo_ros.cli.process import SAMPLE
 from color_stereo_ros.core import ColorStereo, Settings, SettingsError, Status, StereoCalibration
 from color_stereo_ros.core.compiled import BANDS
-from color_stereo_ros.core.surface.grid_kernels import PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.coarse_kernels import seed_planes
+from color_stereo_ros.core.surface.grid_kernels import (
+    PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
+from color_stereo_ros.core.surface.plane_kernels import fit_planes, RADIUS, WIDE_RADIUS
 from color_stereo_ros.core.surface.third.color_kernels import (
     color_equations, color_errors, color_slopes, solve_changes)
 from color_stereo_ros.core.surface.third.colors import (
     chromaticity, fitted_colors, local_light, mixed)
+from color_stereo_ros.core.surface.third.fitting_kernels import fit_region
 from color_stereo_ros.core.surface.third.fusion import Fusion
 from color_stereo_ros.core.surface.third.fusion_kernels import (
-    AGREE, APART, decide, FIRM, gather_evidence, sort_nodes, weigh_forms)
+    AGREE, APART, decide, FIRM, gather_evidence, sort_nodes, spread_planes, weigh_forms)
+from color_stereo_ros.core.surface.third.projected import thinned
 from color_stereo_ros.core.surface.third.search import needed_nodes
 from color_stereo_ros.core.surface.third.sweep import (
     geometry_variance, packed, places, straightened, sweep_matrix)
 from color_stereo_ros.core.surface.third.sweep_kernels import (
-    anchor_nodes, cells_of_nodes, cheapest_disparities, claim_cells, find_contested,
-    linearize_sweep, list_nodes, PATHS, paths_along_columns, paths_along_rows, places_of_nodes,
-    sum_windows, sweep_costs, sweep_misfits, take_best)
+    anchor_nodes, best_windows, cells_of_nodes, cheapest_disparities, claim_cells, count_nodes,
+    find_contested, linearize_sweep, list_nodes, PATHS, paths_along_columns, paths_along_rows,
+    places_of_nodes, seed_unknown, sum_windows, sweep_costs, sweep_misfits, take_best)
 from color_stereo_ros.core.surface.third.tuning import TUNING
 from color_stereo_ros.core.surface.trust import Verdict
 from color_stereo_ros.core.surface.tuning import TUNING as TUNING_OF_TWO
@@ -327,6 +333,85 @@ def test_firm_nodes_get_what_two_cameras_know_and_all_others_nothing():
         np.testing.assert_array_equal(out, np.where(firm, known, F4(otherwise)))
 
 
+def test_the_best_window_is_the_one_of_the_lowest_mean_that_holds_a_node():
+    rng = np.random.default_rng(8)
+    shape = 20 + 2 * PAD, 150 + 2 * PAD
+    cost, chosen = rng.uniform(0, 60, shape).astype(F4), np.zeros(shape, bool)
+    chosen[PAD:-PAD, PAD:-PAD] = rng.random((20, 150)) < 0.1
+    chosen[PAD + 3] = False
+    out = np.full(shape, -1, F4)
+    best_windows(cost, chosen, out)
+    for y, x in np.argwhere(chosen):
+        expected = naive_sweep.best_window(cost, y, x)
+        assert out[y, x] == pytest.approx(expected, rel=1e-6)
+    assert (out[PAD + 3] == -1).all()
+
+
+def test_unknown_nodes_get_the_planes_of_the_coarse_search():
+    rng = np.random.default_rng(9)
+    h, w, factor = 6, 9, 2
+    coarse = rng.uniform(2, 9, (h, w)).astype(F4)
+    known = np.where(rng.random((h, w)) < 0.5, 3.0, np.nan).astype(F4)
+    nodes = h * factor + 1, w * factor + 1
+    shape = tuple(count + 2 * PAD for count in nodes)
+    seeded, planes = np.full((2, 3, *shape), 7, F4)
+    seed_planes(coarse, factor, F4(0), *nodes, *seeded)
+    seed_unknown(coarse, known, factor, *nodes, *planes)
+    for y, x in np.ndindex(nodes):
+        cy, cx = min(y // factor, h - 1), min(x // factor, w - 1)
+        skipped = known[cy, cx] == known[cy, cx] and cy < h - 1 and cx < w - 1
+        at = np.s_[:, y + PAD, x + PAD]
+        np.testing.assert_array_equal(planes[at], 7 if skipped else seeded[at])
+
+
+@pytest.mark.parametrize('reach', [0, RADIUS, WIDE_RADIUS])
+def test_planes_are_fitted_where_the_region_needs_them(reach):
+    given = nodes()
+    rng, shape = np.random.default_rng(10), given['d'].shape
+    weight, moment = rng.random((2, *shape)).astype(F4)
+    region = np.zeros(shape, bool)
+    region[PAD + 2, PAD + 3] = region[PAD + TILE_ROWS + 1, PAD + TILE_COLUMNS] = True
+    tiles = given['tiles'][[0, 3]]
+    numbers = np.full(2, reach, np.int8), F4(3), 1, F4(0.01), F4(0.1), F4(1), F4(10)
+    every, some = np.full((2, 4, *shape), 7, F4)
+    fit_planes(weight, moment, *(given[name] for name in 'dab'), tiles, *numbers, *every)
+    fit_region(weight, moment, *(given[name] for name in 'dab'), region, tiles, *numbers, *some)
+    for tile, line in zip(tiles, (2, 1)):
+        for y, x in np.ndindex(TILE_ROWS, TILE_COLUMNS):
+            at = np.s_[:, tile[0] + y, tile[1] + x]
+            np.testing.assert_array_equal(some[at], every[at] if reach or y == line else 7)
+    assert (some[:, PAD:PAD + TILE_ROWS, PAD + TILE_COLUMNS:] == 7).all()
+
+
+def test_standard_deviations_are_those_of_fit_neighbors_and_geometry():
+    rng, (rows, columns) = np.random.default_rng(11), (5, 70)
+    distance, geometry = rng.random((2, rows, columns)).astype(F4)
+    variance, std = rng.random((2, rows + 2 * PAD, columns + 2 * PAD)).astype(F4)
+    frame = std[PAD - 1].copy()
+    spread_planes(distance, variance, geometry, F4(0.25), F4(2), F4(0.3), std)
+    for y, x in np.ndindex(rows, columns):
+        square = (2 * variance[y + PAD, x + PAD] + (0.3 * distance[y, x] ** 2) ** 2
+                  + 0.25 * geometry[y, x])
+        assert std[y + PAD, x + PAD] == pytest.approx(math.sqrt(square), rel=1e-5)
+    np.testing.assert_array_equal(std[PAD - 1], frame)
+
+
+def test_nodes_whose_color_says_nothing_are_not_listed():
+    wanted, variance = np.ones((3, 8), bool), np.full((3, 8), 0.01, F4)
+    wanted[0, :3], variance[1, 5:] = False, SILENT_VARIANCE
+    counts = np.zeros(3, np.int64)
+    count_nodes(wanted, variance, counts)
+    np.testing.assert_array_equal(counts, [5, 5, 8])
+
+
+def test_a_thinned_pattern_keeps_its_light():
+    image = np.random.default_rng(12).random((7, 9, 3)).astype(F4)
+    thin = thinned(image, 2)
+    assert thin.shape == (4, 5, 3) and thinned(image, 1) is image
+    np.testing.assert_allclose(thin[1, 2], image[2:4, 4:6].mean(axis=(0, 1)), rtol=1e-5)
+    np.testing.assert_allclose(thin[3, 4], image[6, 8], rtol=1e-5)
+
+
 def test_coarse_costs_are_differences_of_colors_and_leave_known_nodes_alone():
     given, rng = nodes(), np.random.default_rng(2)
     h, w, depth = 5, 7, 70
@@ -334,18 +419,20 @@ def test_coarse_costs_are_differences_of_colors_and_leave_known_nodes_alone():
     trust = rng.choice([0, 7, 16], (h, w)).astype(np.int16)
     known = np.where(rng.random((h, w)) < 0.2, 12.0, np.nan).astype(F4)
     light = rng.uniform(0.6, 1.2, (3, h, w)).astype(F4)
+    thin = given['flat'].reshape(90, 120)[::2, ::2].copy()
     cost, needed = np.zeros((h, w, depth), np.int16), rng.integers(0, 3, (h, w), np.uint8)
-    sweep_costs(left[0], left[1], trust, given['flat'], given['size'], given['colors'], light,
+    sweep_costs(left[0], left[1], trust, thin, F4(0.5), given['size'], given['colors'], light,
                 known, needed, given['sweep'], F4(1.5), F4(4), F4(2), F4(0.5), F4(100),
-                np.int16(160), np.int16(70), F4(40), cost)
+                np.int16(160), np.int16(70), F4(40), depth - 2, cost)
     for y, x, n in np.ndindex(h, w, depth):
-        if needed[y, x] == 0:
+        if needed[y, x] == 0 or n >= depth - 2:
             expected = 0
         elif known[y, x] == known[y, x]:
             expected = min(40 * abs(n - 12), 160)
         else:
             seen = naive_sweep.color(given['image'], given['colors'], light[:, y, x],
-                                     given['sweep'], 1.5 + 4 * x, 1.5 + 4 * y, 2 + 0.5 * n, 0.0)
+                                     given['sweep'], 1.5 + 4 * x, 1.5 + 4 * y, 2 + 0.5 * n, 0.0,
+                                     naive_sweep.thin_light)
             away = 160 if seen is None else min(np.abs(left[:, y, x] - 100 * seen[0]).sum(), 160)
             expected = 70 + (away - 70) * trust[y, x] / 16
         assert abs(cost[y, x, n] - expected) <= 1.5
@@ -390,11 +477,12 @@ def test_paths_are_needed_around_what_is_unknown_and_costs_around_paths():
 
 def test_the_cheapest_disparity_is_refined():
     total = np.full((1, 4, 12), 900, np.int16)
+    total[..., 11] = 0  # beyond the depth
     total[0, 0, 3:6] = 300, 100, 200
     total[0, 1, 0] = 450
     best, needed = np.zeros((1, 4), F4), np.array([[2, 2, 1, 0]], np.uint8)
     known = np.array([[np.nan, np.nan, np.nan, 7]], F4)
-    cheapest_disparities(total, known, needed, best)
+    cheapest_disparities(total, 11, known, needed, best)
     assert best[0, 2] == best[0, 1] and best[0, 3] == 7
     assert best[0, 0] == pytest.approx(4 + 0.5 * (300 - 200) / (300 - 100))
     assert best[0, 1] == 0
@@ -624,7 +712,8 @@ def test_nothing_compiles_after_a_projector_is_taken():
     rig.use_projector(projector())
     kernels = (color_equations, color_errors, color_slopes, solve_changes, decide, sort_nodes,
                gather_evidence, weigh_forms, cells_of_nodes, claim_cells, find_contested,
-               anchor_nodes, list_nodes, linearize_sweep,
+               anchor_nodes, best_windows, count_nodes, fit_region, list_nodes, linearize_sweep,
+               seed_unknown, spread_planes,
                paths_along_columns, sweep_costs, paths_along_rows, places_of_nodes, sum_windows,
                sweep_misfits, take_best, cheapest_disparities)
     before = [len(kernel.signatures) for kernel in kernels]

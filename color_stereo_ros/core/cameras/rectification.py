@@ -97,8 +97,11 @@ class Rectifier:
         shape = rows.shape[0] * around.size, around.size
         if self.rectified_input:
             return image[rows, columns].reshape(*shape, 3)
-        first, second = (each[rows, columns] for each in self._maps[0])
-        return cv2.remap(image, first.reshape(*shape, 2), second.reshape(shape),
+        places, between = self._maps[0]
+        at = (rows * places.shape[1] + columns).reshape(shape)
+        # column and row are read as one number
+        first = np.take(places.reshape(-1).view(np.int32), at).view(np.int16)
+        return cv2.remap(image, first.reshape(*shape, 2), np.take(between, at),
                          cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
 
     def checked(self, left, right):

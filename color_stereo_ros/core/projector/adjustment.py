@@ -236,10 +236,17 @@ def predicted(model, points):
     jacobian[:, 0, 5], jacobian[:, 1, 5] = a * square, b * square
     # Y' = exp([w]x) R X + t: dY/dw = -[R X]x
     for row in (0, 1):
-        jacobian[:, row, 6:9] = np.cross(turned, by_local[:, row])
+        jacobian[:, row, 6:9] = crossed(turned, by_local[:, row])
     jacobian[:, :, 9:12] = by_local
     along = np.einsum('nij,nj->ni', by_local, turned / points[:, 2:3])
     return places, jacobian, along, ahead
+
+
+def crossed(one, other):
+    """Return the cross products of vectors (N, 3); NumPy takes three times as long."""
+    return np.stack([one[:, (axis + 1) % 3] * other[:, (axis + 2) % 3]
+                     - one[:, (axis + 2) % 3] * other[:, (axis + 1) % 3] for axis in range(3)],
+                    axis=-1)
 
 
 def moved(model, step):

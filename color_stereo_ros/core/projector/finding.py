@@ -80,7 +80,7 @@ class ProjectorFinder:
     def __init__(self, pattern, size):
         """Compute the features of the pattern and warm the kernel."""
         warm()
-        self.pattern = pattern
+        self.pattern, self.light = pattern, pattern.astype(np.float32)
         self.size = pattern.shape[1], pattern.shape[0]
         self.features = PatternFeatures(pattern, size)
 
@@ -208,16 +208,16 @@ class ProjectorFinder:
         tuning = TUNING.find
         if len(where) < tuning.least_patches:
             return rough, evidence, float('nan')
-        found = rough
+        found, near = rough, 0
         for _ in range(tuning.repeats):
-            smoothing, colors = self.blurred(found.model, measured, where)
+            smoothing, colors, near = self.blurred(found.model, measured, where, near)
             fresh = placed(found.model, measured, colors, where)[0]
             if len(fresh) < tuning.least_patches:
                 return rough, evidence, float('nan')
             found = adjust(found.model, fresh, prior)
         return found, fresh, smoothing
 
-    def blurred(self, model, measured, where):
+    def blurred(self, model, measured, where, near=0):
         """
         Return the smoothing by which the pattern looks like the image, and its colors then.
 
@@ -226,30 +226,36 @@ class ProjectorFinder:
         model : ProjectorModel
         measured : Measured
         where : Sites
+        near : int
+            Number of the blur that was best for a geometry nearby; 0: unknown.
 
         Returns
         -------
         smoothing : float
             Standard deviation, px of the pattern.
         colors : numpy.ndarray, float32, shape (H', W', 2)
+        best : int
+            Number of the best of the blurs that were tried.
 
         """
         some = where.every(len(where) // TUNING.find.blur_sites + 1)
         areas = np.abs(np.linalg.det(affines(model, some)))
         per_pixel = float(np.sqrt(np.median(areas[np.isfinite(areas)])))
         blurs = np.array(TUNING.find.blurs)
-        shares = []
-        for blur in blurs:
-            colors = chromatic(self.pattern, blur * per_pixel)
-            shares.append(placed(model, measured, colors, some)[2])
-            if shares[-1] < max(shares):
-                break
+
+        def share(at):
+            return placed(model, measured, chromatic(self.light, blurs[at] * per_pixel), some)[2]
+
+        first = max(near - 1, 0)
+        shares = until_it_falls(share, range(first, len(blurs)))
+        if first and not np.argmax(shares):  # the best may lie before
+            first, shares = 0, until_it_falls(share, range(len(blurs)))
         best = int(np.argmax(shares))
+        blur = blurs[first + best]
         if 0 < best < len(shares) - 1:
-            blur = np.exp(vertex(np.log(blurs[best - 1:best + 2]), shares[best - 1:best + 2]))
-        else:
-            blur = blurs[best]
-        return float(blur * per_pixel), chromatic(self.pattern, blur * per_pixel)
+            around = np.log(blurs[first + best - 1:first + best + 2])
+            blur = np.exp(vertex(around, shares[best - 1:best + 2]))
+        return (float(blur * per_pixel), chromatic(self.light, blur * per_pixel), first + best)
 
     def _freer(self, found, evidence, prior):
         """Return a fit whose lens distorts or whose pixels are not square if evidence asks."""
@@ -286,6 +292,16 @@ class ProjectorFinder:
             return float('inf')
         error = np.column_stack(found.model.project(evidence.points)) - evidence.places
         return float(np.median(np.hypot(*error[found.agree].T)))
+
+
+def until_it_falls(function, arguments):
+    """Return the values of a function, up to the first that is below one before it."""
+    values = []
+    for each in arguments:
+        values.append(function(each))
+        if values[-1] < max(values):
+            break
+    return values
 
 
 def vertex(x, y):

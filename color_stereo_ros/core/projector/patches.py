@@ -220,7 +220,8 @@ def chromatic(pattern, blur):
 
     Parameters
     ----------
-    pattern : numpy.ndarray, uint8, shape (H', W', 3)
+    pattern : numpy.ndarray, uint8 or float32, shape (H', W', 3)
+        0..255.
     blur : float
         Standard deviation, px of the pattern.
 
@@ -230,7 +231,7 @@ def chromatic(pattern, blur):
 
     """
     blur = max(blur, TUNING.patches.least_blur)
-    light = cv2.GaussianBlur(pattern.astype(np.float32), (0, 0), blur)
+    light = cv2.GaussianBlur(pattern.astype(np.float32, copy=False), (0, 0), blur)
     r, g, b = cv2.split(light)
     share = 1 / (r + g + b + np.float32(TUNING.patches.dark))
     return np.ascontiguousarray(np.dstack([(r - g) * share,
@@ -239,12 +240,9 @@ def chromatic(pattern, blur):
 
 def affines(model, places):
     """Return how the pattern moves with the pixel at some sites, float64 (N, 2, 2)."""
-    out = np.empty((len(places), 2, 2))
-    for axis in (0, 1):
-        step = places.slopes[:, axis]
-        ends = [np.column_stack(model.project(places.points + sign * step)) for sign in (1, -1)]
-        out[:, :, axis] = (ends[0] - ends[1]) / 2
-    return out
+    points, slopes = places.points[:, None], places.slopes
+    ends = np.stack(model.project(np.concatenate([points + slopes, points - slopes], axis=1)), -2)
+    return (ends[..., :2] - ends[..., 2:]) / 2
 
 
 def placed(model, measured, colors, places, rounds=None):

@@ -95,16 +95,19 @@ class PlaneField:
             This one.
 
         """
-        # tiles reach beyond the nodes; there the last fit has left planes of the last pair
-        rows, columns = (PAD + count for count in self.grid.nodes)
-        for plane, nothing in zip(self._planes, (np.nan, 0, 0)):
-            plane[rows:] = nothing
-            plane[:, columns:] = nothing
+        self.clear_beyond()
         seed_planes(seeds.disparity, seeds.factor, F4(seeds.offset), *self.grid.nodes, self.d,
                     self.a, self.b)
         self.cost.fill(1.0)
         self.variance.fill(self.seed_variance)
         return self
+
+    def clear_beyond(self):
+        """Forget planes beyond the nodes: tiles reach there, and the last pair has left some."""
+        rows, columns = (PAD + count for count in self.grid.nodes)
+        for plane, nothing in zip(self._planes, (np.nan, 0, 0)):
+            plane[rows:] = nothing
+            plane[:, columns:] = nothing
 
     @contextmanager
     def rewriting(self, keep_unwritten):

@@ -11,7 +11,8 @@ from ..trust import Verdict
 from ..trust_kernels import HOPELESS_ODDS as HOPELESS
 from ...status import Status
 from ...status_codes import VALID
-from .fusion_kernels import decide, gather_evidence, PROJECTOR, sort_nodes, weigh_forms
+from .fusion_kernels import (
+    decide, gather_evidence, PROJECTOR, sort_nodes, spread_planes, weigh_forms)
 from .sweep_kernels import cells_of_nodes, claim_cells, find_contested
 from .tuning import TUNING
 
@@ -111,6 +112,7 @@ class Fusion:
         self.odds, self.third_odds = np.zeros((2, *grid.nodes), F4)
         self.kind, self.only_third = np.zeros((2, *grid.nodes), np.uint8)
         self.possible = np.zeros(grid.nodes, bool)
+        self.spread = np.full(grid.shape, np.nan, F4)
         self.cells = np.zeros((2, *grid.nodes), np.int32)
         self.fused = Fused(FusedPlanes(grid, *np.full((3, *grid.shape), np.nan, F4)),
                            Verdict(*np.zeros((2, *grid.shape), F4),
@@ -137,28 +139,27 @@ class Fusion:
         weigh_forms(self.own, treated.view(np.uint8), self.own_form, odds)
         return np.clip(odds, F4(low), F4(high), out=odds)
 
-    def std(self, planes, geometry):
+    def std(self, planes, geometry, share):
         """
         Return standard deviations of planes of the third view, px, float32 framed.
 
-            sigma^2 = variance_factor v + (std_per_distance x)^2 + geometry
+            sigma^2 = variance_factor v + (std_per_distance x)^2 + share geometry
 
-        v is the variance of the least squares, x the distance of the neighbors; reads `own`.
+        v is the variance of the least squares, x the distance of the neighbors; reads `own`. The
+        array holds for one pair; its frame is NaN.
 
         Parameters
         ----------
         planes : PlaneField
         geometry : numpy.ndarray, float32, shape (rows, columns)
             Variance by the projector's geometry, px^2.
+        share : float
 
         """
-        tuning, inner = TUNING.spread, self.grid.inner
-        distance = self.own[APART_OF_NEIGHBORS] * self.own[APART_OF_NEIGHBORS]
-        rough = F4(tuning.std_per_distance) * distance
-        std = np.full(self.grid.shape, np.nan, F4)
-        std[inner] = np.sqrt(F4(tuning.variance_factor) * planes.variance[inner]
-                             + rough * rough + geometry)
-        return std
+        tuning = TUNING.spread
+        spread_planes(self.own[APART_OF_NEIGHBORS], planes.variance, geometry, F4(share),
+                      F4(tuning.variance_factor), F4(tuning.std_per_distance), self.spread)
+        return self.spread
 
     def alone(self, planes, odds, geometry, lit, left):
         """
@@ -188,7 +189,7 @@ class Fusion:
         reason[left.peak < 0] = Status.OUTSIDE_IMAGE
         views = np.full(grid.shape, PROJECTOR, np.uint8)
         return Fused(FusedPlanes(grid, planes.d, planes.a, planes.b),
-                     Verdict(self.std(planes, geometry), log_odds, reason), views,
+                     Verdict(self.std(planes, geometry, 1), log_odds, reason), views,
                      np.ones(grid.shape, bool))
 
     def write_contested(self, found, planes):
@@ -228,7 +229,7 @@ class Fusion:
         weigh_forms(self.evidence, self.kind, self.two_forms, self.odds)
         weigh_forms(self.evidence, self.only_third, self.third_form, self.third_odds)
         fused, third = self.fused, found.planes
-        std = self.std(third, F4(TUNING.spread.geometry_share) * found.geometry)
+        std = self.std(third, found.geometry, TUNING.spread.geometry_share)
         demanding = self.demanding(verdict)
         decide(self.kind, self.possible, self.evidence, self.odds, self.third_odds,
                self.certainty(demanding), self.doubts * demanding, planes.d, planes.a, planes.b,

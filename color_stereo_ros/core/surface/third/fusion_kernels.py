@@ -37,6 +37,35 @@ def any_is(values, value):
     return found
 
 
+@part()
+def any_above_0(values):
+    """Return whether any entry, uint8, is not 0."""
+    found = False
+    for x in range(values.size):
+        found |= values[x] > 0
+    return found
+
+
+@banded(fastmath=FAST)
+def spread_planes(k, distance, variance, geometry, share, factor, per_distance, std):
+    """
+    Write standard deviations of planes of the third view, see `fusion.Fusion.std`.
+
+    distance, float32 (rows, columns), is the square root of that of the neighbors; geometry,
+    float32 (rows, columns), of which a share counts. variance and std are framed.
+
+    """
+    rows, columns = distance.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        away, far = distance[row], geometry[row]
+        noise = variance[row + PAD, PAD:PAD + columns]
+        out = std[row + PAD, PAD:PAD + columns]
+        for x in range(columns):
+            rough = per_distance * (away[x] * away[x])
+            out[x] = math.sqrt(factor * noise[x] + rough * rough + share * far[x])
+
+
 @banded(fastmath=FAST)
 def gather_evidence(k, d, a, b, cost, variance, misfit, treated, own, steps):
     """
@@ -88,6 +117,8 @@ def weigh_forms(k, evidence, kind, forms, out):
         for start in range(0, columns, LENGTH):
             size = min(LENGTH, columns - start)
             kinds, result = kind[row, start:start + size], out[row, start:start + size]
+            if not any_above_0(kinds):
+                continue
             for i in range(count):
                 each = evidence[i, row, start:start + size]
                 for x in range(size):

@@ -20,7 +20,8 @@ class BlurredPattern:
     image: np.ndarray
     """As nodes see it."""
     coarse_image: np.ndarray
-    """As coarse nodes see it."""
+    """As coarse nodes see it; uint32 (H', W'), every pixel stands for thin x thin of them."""
+    thin: int
 
 
 class Projected:
@@ -101,9 +102,13 @@ class Projected:
         if level not in self.made:
             variance = self.variance + TUNING.color.blurs[level] ** 2
             wide = variance + (self.step / 4 * TUNING.search.blur) ** 2
-            self.made[level] = BlurredPattern(*(packed(cv2.GaussianBlur(
-                self.light, (0, 0), self.scale * float(np.sqrt(each))))
-                for each in (variance, wide)))
+            image, coarse_image = (cv2.GaussianBlur(
+                self.light, (0, 0), self.scale * float(np.sqrt(each)))
+                for each in (variance, wide))
+            thin = max(1, int(self.scale * np.sqrt(wide) / TUNING.search.detail))
+            coarse_image = thinned(coarse_image, thin)
+            self.made[level] = BlurredPattern(
+                packed(image), packed(coarse_image).reshape(coarse_image.shape[:2]), thin)
         return self.made[level]
 
     def inside(self, u, v):
@@ -120,3 +125,13 @@ class Projected:
         light = np.ascontiguousarray(np.moveaxis(seen, -1, 0), F4).reshape(3, *u.shape)
         light *= F4(TUNING.sweep.unit)
         return np.where(self.inside(u, v), light, F4(np.nan))
+
+
+def thinned(image, thin):
+    """Return the means of thin x thin pixels; the last row and column are repeated as needed."""
+    if thin == 1:
+        return image
+    below, right = (-count % thin for count in image.shape[:2])
+    whole = cv2.copyMakeBorder(image, 0, below, 0, right, cv2.BORDER_REPLICATE)
+    return cv2.resize(whole, (whole.shape[1] // thin, whole.shape[0] // thin),
+                      interpolation=cv2.INTER_AREA)

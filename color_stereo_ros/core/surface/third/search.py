@@ -34,10 +34,14 @@ class SweepSearch:
         """Allocate the volumes."""
         self.coarse, self.spacing = coarse, spacing
         h, w = coarse.disparity.shape
-        depth = 3 + int(np.ceil((limits[1] - limits[0]) / spacing))
+        self.depth = 3 + int(np.ceil((limits[1] - limits[0]) / spacing))
+        lanes = TUNING.search.lanes
+        whole = -(-self.depth // lanes) * lanes
         self.first = float(limits[0]) - spacing
-        self.cost, self.summed, self.total = (arena.empty((h, w, depth), I2) for _ in range(3))
-        self.scratch = arena.empty((BANDS, w // BANDS + 2, depth + 2), I2)
+        self.cost, self.summed, self.total = (arena.empty((h, w, whole), I2) for _ in range(3))
+        # paths see no difference between these and the end of the volume
+        self.cost[..., self.depth:] = TUNING.search.guard_cost // TUNING.search.window_weight
+        self.scratch = arena.empty((BANDS, w // BANDS + 2, whole + 2), I2)
         self.best = arena.empty((h, w), F4)
 
     @property
@@ -45,14 +49,13 @@ class SweepSearch:
         """Return the pixels per coarse node."""
         return 2 * self.coarse.factor
 
-    def search(self, image, size, colors, light, known, wanted, sweep):
+    def search(self, pattern, size, colors, light, known, wanted, sweep):
         """
         Search one pair.
 
         Parameters
         ----------
-        image : numpy.ndarray, uint32, shape (H W,)
-            The pattern, blurred as coarse nodes see it, see `sweep.packed`.
+        pattern : BlurredPattern
         size : numpy.ndarray, int64, shape (2,)
             Its height and width, px.
         colors : numpy.ndarray, float32, shape (3, 4)
@@ -77,15 +80,16 @@ class SweepSearch:
         center = F4((self.step - 1) / 2)
         known = (known - F4(self.first)) / F4(self.spacing)
         needed = needed_nodes(wanted & np.isnan(known))
-        sweep_costs(left[0], left[1], left[3] * wanted, image, size, colors, light, known, needed,
-                    sweep, center, F4(self.step), F4(self.first), F4(self.spacing), coarse.scale,
-                    cap, neutral, F4(tuning.known_slope * cap), self.cost)
+        sweep_costs(left[0], left[1], left[3] * wanted, pattern.coarse_image,
+                    F4(1 / pattern.thin), size, colors, light, known, needed, sweep, center,
+                    F4(self.step), F4(self.first), F4(self.spacing), coarse.scale, cap,
+                    neutral, F4(tuning.known_slope * cap), self.depth, self.cost)
         sum_windows(self.cost, needed, self.summed)
         small, large = coarse.penalties
         guard = I2(tuning.guard_cost)
         paths_along_rows(self.summed, needed, small, large, guard, self.total, self.scratch)
         paths_along_columns(self.summed, needed, small, large, guard, self.total, self.scratch)
-        cheapest_disparities(self.total, known, needed, self.best)
+        cheapest_disparities(self.total, self.depth, known, needed, self.best)
         disparity = F4(self.first) + F4(self.spacing) * self.best
         return Seeds(disparity / F4(self.step), coarse.factor, None, 0.0)
 

@@ -18,7 +18,9 @@ import numpy as np
 
 from ...compiled import (
     band, banded, LENGTH, part, serial, stack_array, stack_integers, stack_row)
-from ..grid_kernels import F4, FAST, I4, NAN, PAD, U4
+from ..coarse_kernels import smaller_step
+from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, U4
+from .fitting_kernels import any_of
 from .tuning import TUNING
 
 I2 = np.int16
@@ -98,31 +100,44 @@ def find_pixels(flat, size, m, margin, count, xs, ys, ds, us, ss, ts, dus, dvs, 
 
 
 @part(fastmath=FAST)
-def see_colors(flat, size, m, c, margin, count, xs, ys, ds, red, blue, gray, color_u, color_v):
-    """Write the chromaticities that `see` writes, without their slopes."""
-    two = F4(2)
-    us, ss, ts, vs = stack_row(), stack_row(), stack_row(), stack_row()
-    dus, dvs = stack_row(), stack_row()
-    pixels0, pixels1 = stack_pixels(), stack_pixels()
-    pixels2, pixels3 = stack_pixels(), stack_pixels()
-    find_pixels(flat, size, m, margin, count, xs, ys, ds, us, ss, ts, dus, dvs, pixels0, pixels1,
-                pixels2, pixels3)
+def see_along(thin, share, size, m, c, x, y, light, first, spacing, count, color_u, color_v):
+    """
+    Write the chromaticities that a node should have at disparities first, first + spacing, ...
+
+    The node lies at (x, y); light holds its three numbers, m and c are `numbers` of the sweep and
+    of the map of the colors. thin is the pattern of that size, reduced to a share of its width.
+    The nearest pixel counts: neighboring disparities lie several pixels apart. NaN where a place
+    lies outside the pattern.
+
+    """
+    one, two, half = F4(1), F4(2), F4(0.5)
+    last_u, last_v, width = F4(size[1] - 1), F4(size[0] - 1), I4(thin.shape[1])
+    flat = thin.reshape(-1)
+    base_u, base_v = m[0] * x + m[1] * y + m[2], m[4] * x + m[5] * y + m[6]
+    base = m[8] * x + m[9] * y + m[10]
+    us, vs, places, pixels = stack_row(), stack_row(), stack_pixels(), stack_pixels()
     for n in range(count):
-        s, t = ss[n], ts[n]
-        p0, p1, p2, p3 = pixels0[n], pixels1[n], pixels2[n], pixels3[n]
-        top = red_of(p0) + s * (red_of(p1) - red_of(p0))
-        p = UNIT * (top + t * (red_of(p2) + s * (red_of(p3) - red_of(p2)) - top))
-        top = green_of(p0) + s * (green_of(p1) - green_of(p0))
-        q = UNIT * (top + t * (green_of(p2) + s * (green_of(p3) - green_of(p2)) - top))
-        top = blue_of(p0) + s * (blue_of(p1) - blue_of(p0))
-        o = UNIT * (top + t * (blue_of(p2) + s * (blue_of(p3) - blue_of(p2)) - top))
-        r = red[n] * (c[0] * p + c[1] * q + c[2] * o + c[3])
+        d = first + F4(n) * spacing
+        depth = base + m[11] * d
+        inverse = one / (depth if depth > LEAST_DEPTH else LEAST_DEPTH)
+        u, v = (base_u + m[3] * d) * inverse, (base_v + m[7] * d) * inverse
+        inside = ((depth > LEAST_DEPTH) & (u >= F4(0)) & (v >= F4(0)) & (u < last_u)
+                  & (v < last_v))
+        u, v = u if inside else F4(0), v if inside else F4(0)
+        us[n] = F4(0) if inside else NAN
+        places[n] = U4(I4((v + half) * share) * width + I4((u + half) * share))
+    for n in range(count):  # some processors gather slowly, see `find_pixels`
+        pixels[n] = flat[places[n]]
+    for n in range(count):
+        pixel = pixels[n]
+        p, q, o = UNIT * red_of(pixel), UNIT * green_of(pixel), UNIT * blue_of(pixel)
+        r = light[0] * (c[0] * p + c[1] * q + c[2] * o + c[3])
         g = c[4] * p + c[5] * q + c[6] * o + c[7]
-        b = blue[n] * (c[8] * p + c[9] * q + c[10] * o + c[11])
+        b = light[1] * (c[8] * p + c[9] * q + c[10] * o + c[11])
         total = r + g + b
-        share = gray[n] / (total if total > LEAST_LIGHT else LEAST_LIGHT)
-        us[n] += (two * r - g - b) * share  # NaN stays
-        vs[n] = ROOT3 * (g - b) * share
+        gain = light[2] / (total if total > LEAST_LIGHT else LEAST_LIGHT)
+        us[n] += (two * r - g - b) * gain  # NaN stays
+        vs[n] = ROOT3 * (g - b) * gain
     for n in range(count):
         color_u[n] = us[n]
         color_v[n] = vs[n]
@@ -204,9 +219,21 @@ def places_of_nodes(k, sweep, d, step, out):
 
 
 @banded()
+def count_nodes(k, wanted, left_var, counts):
+    """Count the wanted nodes of every row whose color says something; see `list_nodes`."""
+    rows, columns = wanted.shape
+    first, last = band(k, rows)
+    for y in range(first, last):
+        looked, variances, count = wanted[y], left_var[y], 0
+        for x in range(columns):
+            count += 1 if looked[x] & (variances[x] < SILENT_VARIANCE) else 0
+        counts[y] = count
+
+
+@banded()
 def list_nodes(k, wanted, starts, left_u, left_v, left_var, light, unrest, scale, nodes, told):
     """
-    List the wanted nodes, row by row, and what does not change while their planes do.
+    List the wanted nodes whose color says something, and what does not change with their planes.
 
     wanted bool, framed; starts int64: how many there are in the rows above a row. nodes int32 (N,)
     takes their place in flat framed arrays, told float32 (8, N) column and row of the left image,
@@ -224,7 +251,7 @@ def list_nodes(k, wanted, starts, left_u, left_v, left_var, light, unrest, scale
         looked, us, vs, variances = wanted[y], left_u[y], left_v[y], left_var[y]
         factors, reds, blues, grays = unrest[y], light[0, y], light[1, y], light[2, y]
         for x in range(columns):
-            if looked[x]:
+            if looked[x] and variances[x] < SILENT_VARIANCE:
                 nodes[n] = I4(y * columns + x)
                 xs[n], ys[n] = F4(2 * (x - PAD)) + F4(0.5), row
                 own_u[n], own_v[n] = us[x], vs[x]
@@ -325,6 +352,45 @@ def sweep_misfits(k, nodes, told, flat, size, colors, sweep, d, a, b, step_y, st
             out[nodes[start + n]] = own_u[n]
 
 
+@part(fastmath=FAST)
+def sum_columns(cost, y, start, out):
+    """Write the sums of three nodes around row y, for the columns from start on."""
+    above, here = cost[y - 1, start:start + out.size], cost[y, start:start + out.size]
+    below = cost[y + 1, start:start + out.size]
+    for x in range(out.size):
+        out[x] = above[x] + here[x] + below[x]
+
+
+@banded(fastmath=FAST)
+def best_windows(k, cost, chosen, out):
+    """
+    Write the lowest mean of the nine windows of 3 x 3 nodes that hold a chosen node.
+
+    All arrays are framed; cost and out float32, chosen bool. Some others get theirs, too.
+
+    """
+    rows, columns = cost.shape
+    first, last = band(k, rows - 2 * PAD)
+    tops, centers, downs, lows = stack_row(), stack_row(), stack_row(), stack_row()
+    ninth = F4(1 / 9)
+    for y in range(PAD + first, PAD + last):
+        for start in range(PAD, columns - PAD, LENGTH - 4):
+            count = min(LENGTH - 4, columns - PAD - start)
+            if not any_of(chosen[y, start:start + count]):
+                continue
+            sum_columns(cost, y - 1, start - 2, tops[:count + 4])
+            sum_columns(cost, y, start - 2, centers[:count + 4])
+            sum_columns(cost, y + 1, start - 2, downs[:count + 4])
+            for x in range(count + 2):
+                top = tops[x] + tops[x + 1] + tops[x + 2]
+                center = centers[x] + centers[x + 1] + centers[x + 2]
+                down = downs[x] + downs[x + 1] + downs[x + 2]
+                lows[x] = min(min(top, center), down)
+            told = out[y, start:start + count]
+            for x in range(count):
+                told[x] = ninth * min(min(lows[x], lows[x + 1]), lows[x + 2])
+
+
 @banded(fastmath=FAST)
 def take_best(k, d, a, b, step, costs, best, wanted, new_d, new_a, new_b):
     """
@@ -361,6 +427,37 @@ def take_best(k, d, a, b, step, costs, best, wanted, new_d, new_a, new_b):
 
 
 @banded()
+def seed_unknown(k, coarse, known, factor, rows, columns, d, a, b):
+    """
+    Give nodes the plane of their coarse node, but not where two cameras know the coarse node.
+
+    As `coarse_kernels.seed_planes`; known, float32 (h, w), is NaN where they do not.
+
+    """
+    coarse_rows, coarse_columns = coarse.shape
+    unit, center = F4(2 * factor), F4(0.5 * (factor - 1))
+    first, last = band(k, rows)
+    for y in range(first, last):
+        cy = min(y // factor, coarse_rows - 1)
+        off_y = F4(y - cy * factor) - center
+        for cx in range(coarse_columns):
+            edge = (cx == coarse_columns - 1) | (cy == coarse_rows - 1)
+            if known[cy, cx] == known[cy, cx] and not edge:
+                continue
+            here = coarse[cy, cx]
+            slope_x = F4(2) * smaller_step(coarse[cy, max(cx - 1, 0)], here,
+                                           coarse[cy, min(cx + 1, coarse_columns - 1)])
+            slope_y = F4(2) * smaller_step(coarse[max(cy - 1, 0), cx], here,
+                                           coarse[min(cy + 1, coarse_rows - 1), cx])
+            base = here * unit + slope_y * off_y
+            stop = columns if cx == coarse_columns - 1 else (cx + 1) * factor
+            for x in range(cx * factor, stop):
+                d[y + PAD, x + PAD] = base + slope_x * (F4(x - cx * factor) - center)
+                a[y + PAD, x + PAD] = slope_x
+                b[y + PAD, x + PAD] = slope_y
+
+
+@banded()
 def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, known_moment, cap,
                  d, a, b, weight, moment, misfit, cost):
     """
@@ -384,33 +481,37 @@ def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, 
 
 
 @banded(fastmath=FAST)
-def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, needed, sweep, offset,
-                step, first_disparity, spacing, scale, cap, neutral, slope, cost):
+def sweep_costs(k, left_u, left_v, trust, thin, share, size, colors, light, known, needed, sweep,
+                offset, step, first_disparity, spacing, scale, cap, neutral, slope, depth, cost):
     """
     Fill a volume, int16 (h, w, D), with the costs of the coarse nodes that are needed, not 0.
 
     Node (j, i) lies at x = offset + step i. The disparity of index n is first_disparity + n
-    spacing, px. left_u, left_v int16, in units of 1 / scale; trust int16 0..16. known, float32
-    (h, w): the index where two cameras know the disparity, NaN elsewhere; there the cost rises by
-    slope for each index away from it.
+    spacing, px; those from depth on stay as they are. thin, share and size as in `see_along`.
+    left_u, left_v int16, in units of 1 / scale; trust int16 0..16. known, float32 (h, w): the
+    index where two cameras know the disparity, NaN elsewhere; there the cost rises by slope for
+    each index away from it.
 
     """
-    rows, columns, depth = cost.shape
+    rows, columns = needed.shape
     first, last = band(k, rows)
     full = F4(cap)
     m, c = numbers(sweep), numbers(colors)
-    some, xs, ys, ds = stack_integers(), stack_row(), stack_row(), stack_row()
-    red, blue, gray = stack_row(), stack_row(), stack_row()
-    color_u, color_v = stack_row(), stack_row()
+    some, color_u, color_v = stack_integers(), stack_row(), stack_row()
     for row in range(first, last):
         for column in range(columns):
             if needed[row, column] == 0:
                 continue
             out = cost[row, column]
-            if known[row, column] == known[row, column]:
-                for n in range(depth):
-                    away = slope * abs(F4(n) - known[row, column])
-                    out[n] = I2(away if away < full else full)
+            best = known[row, column]
+            if best == best:
+                for start in range(0, depth, LENGTH):
+                    here = best - F4(start)
+                    for n in range(LENGTH):
+                        away = slope * abs(F4(n) - here)
+                        some[n] = I2(away if away < full else full)
+                    for n in range(min(LENGTH, depth - start)):
+                        out[start + n] = some[n]
                 continue
             w = I2(trust[row, column])
             if w == 0:
@@ -418,17 +519,14 @@ def sweep_costs(k, left_u, left_v, trust, flat, size, colors, light, known, need
                     out[n] = neutral
                 continue
             own_u, own_v = F4(left_u[row, column]), F4(left_v[row, column])
-            for n in range(LENGTH):
-                xs[n], ys[n] = offset + step * F4(column), offset + step * F4(row)
-                red[n], blue[n] = light[0, row, column], light[1, row, column]
-                gray[n] = light[2, row, column] * scale
+            told = (light[0, row, column], light[1, row, column],
+                    light[2, row, column] * scale)
             for start in range(0, depth, LENGTH):
                 count = min(LENGTH, depth - start)
                 whole = (count + 7) & ~7  # vectors of 8
-                for n in range(whole):
-                    ds[n] = first_disparity + F4(start + n) * spacing
-                see_colors(flat, size, m, c, F4(0), whole, xs, ys, ds, red, blue, gray, color_u,
-                           color_v)
+                see_along(thin, share, size, m, c, offset + step * F4(column),
+                          offset + step * F4(row), told, first_disparity + F4(start) * spacing,
+                          spacing, whole, color_u, color_v)
                 for n in range(whole):
                     away = abs(own_u - color_u[n]) + abs(own_v - color_v[n])
                     away = away if away < full else full
@@ -540,15 +638,16 @@ def paths_along_columns(k, cost, needed, small, large, guard, total, scratch):
 
 
 @banded()
-def cheapest_disparities(k, total, known, needed, best):
+def cheapest_disparities(k, total, depth, known, needed, best):
     """
     Write the index of the lowest cost of every node of a volume (h, w, D), refined by a V.
 
+    The first depth entries of a node count.
     Where needed, uint8 (h, w), is not PATHS, the known index is written, float32 (h, w); where
     this is NaN, that of the last node of the row.
 
     """
-    rows, columns, depth = total.shape
+    rows, columns = needed.shape
     first, last = band(k, rows)
     for y in range(first, last):
         place = F4(0)

@@ -124,12 +124,23 @@ class SearchTuning(Constants):
     guard_cost: int = constant(
         8000, 'cost of 8 nodes', 'Path cost that loses against any other and leaves room to add.',
         derived('As `coarse.guard_cost`.'))
+    lanes: int = constant(
+        32, '1', 'Depth of the volumes is a multiple of it.',
+        derived('Entries of two vectors of int16: what is left runs one by one, and takes four '
+                'times as long.'))
+    window_weight: int = constant(
+        8, '1', 'Sum of the weights of a window of coarse nodes.',
+        derived('1 2 1 across and down, halved.'))
     known_slope: float = constant(
         0.25, 'cost_cap', 'Cost of a known node per disparity away from what stereo knows.',
         chosen('Four steps away cost as much as a color that is quite different.'))
     blur: float = constant(
         1.15, 'px', 'Standard deviation of the mean over a coarse node of 4 px.',
         derived('4 / 12^.5.'))
+    detail: float = constant(
+        2.0, 'px', 'Least blur of the pattern that is searched, standard deviation, its own px.',
+        chosen('The search sees the nearest pixel: its error is an eighth of that blur. With 1 px '
+               'the left camera alone loses .1 to .3 points of its ranges.'))
     least_ratio: float = constant(
         0.1, '1', 'Smallest movement of the place per disparity with which the search counts.',
         derived('A projector beside the left camera tells no distance.'))

@@ -10,14 +10,16 @@ from ...compiled import Arena
 from ...projector.model import COUNT, ProjectorModel
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
-from ..planes import LeastSquares, PlaneField
+from ..planes import PlaneField
 from .colors import (
     explained, fitted_colors, Light, local_light, middle, resized, warm as warm_colors)
+from .fitting import RegionSquares
 from .fusion import Fusion, known_planes
 from .projected import Projected
 from .search import SweepSearch
 from .sweep_kernels import (
-    anchor_nodes, linearize_sweep, list_nodes, places_of_nodes, sweep_misfits, take_best)
+    anchor_nodes, best_windows, count_nodes, linearize_sweep, list_nodes, places_of_nodes,
+    seed_unknown, sweep_misfits, take_best)
 from .tuning import TUNING
 
 WARM = 8, 8  # size of a pattern that nobody sees, px
@@ -65,12 +67,12 @@ class NodeList:
 
     def fill(self, region, left, light):
         """List the nodes of a region, bool framed, whose color says something; return self."""
-        wanted = region & (left.variance < SILENT_VARIANCE)
-        counts = np.count_nonzero(wanted, axis=1)
+        counts = np.empty(len(region), np.int64)
+        count_nodes(region, left.variance, counts)
         starts = np.cumsum(counts) - counts
         count = int(starts[-1] + counts[-1])
         self.nodes, self.told = self.all_nodes[:count], self.all_told[:, :count]
-        list_nodes(wanted, starts, left.u, left.v, left.variance, light.local, light.unrest,
+        list_nodes(region, starts, left.u, left.v, left.variance, light.local, light.unrest,
                    light.scale, self.nodes, self.told)
         return self
 
@@ -96,8 +98,8 @@ class ThirdView:
         self.planes = PlaneField(grid, method.tuning.coarse.seed_variance, True, arena)
         self.seen = arena.zeros(grid.shape, F4)
         self.seen.fill(TUNING.use.misfit_cap)
-        self.solver = LeastSquares(grid, method.limits, method.settings.matching,
-                                   method.tuning.planes, arena)
+        self.solver = RegionSquares(grid, method.limits, method.settings.matching,
+                                    method.tuning.planes, arena)
         self.cost = arena.zeros(grid.shape, F4)
         self.costs = arena.zeros((len(NEIGHBORS), *grid.shape), F4)
         self.local = np.ones((4, *grid.shape), F4)
@@ -378,14 +380,18 @@ class ThirdView:
     def fill(self, planes, firm, witness, light, linearized, pair, region):
         """Search and fit the nodes of a region without firm ones; firm nodes anchor them."""
         mine, solver, own = self.planes, self.solver, self.solver.linearized
+        known = self.coarse_known(planes, firm)
         seeds = self.search.search(
-            light.pattern.coarse_image, self.projected.size, light.colors, self.coarse_light,
-            self.coarse_known(planes, firm), self.coarsened(region) > 0, self.projected.sweep)
-        mine.seed(seeds)
+            light.pattern, self.projected.size, light.colors, self.coarse_light, known,
+            self.coarsened(region) > 0, self.projected.sweep)
+        mine.clear_beyond()
+        seed_unknown(seeds.disparity, known, seeds.factor, *self.grid.nodes, mine.d, mine.a,
+                     mine.b)
         anchor_nodes(firm, witness, planes.d, planes.a, planes.b, linearized.weight,
                      linearized.moment, F4(TUNING.use.misfit_cap), mine.d, mine.a, mine.b,
                      own.weight, own.moment, mine.misfit, self.cost)
         listed, tiles = self.listed(0, region, light), self.tiles_with(region)
+        solver.region = region
         for turn, steps in enumerate(TUNING.use.steps):
             for step in steps:
                 self.propagate(light, listed, region, step)
@@ -395,23 +401,18 @@ class ThirdView:
     def propagate(self, light, listed, region, step):
         """Let the nodes of a region try the planes of their neighbors, unless theirs fits."""
         mine, settled = self.planes, F4(TUNING.use.settled_misfit)
-        kernel = np.ones((3, 3), np.uint8)
-
-        def windows(out=None):
-            return cv2.erode(cv2.blur(self.cost, (3, 3)), kernel, out)
-
         self.misfits(mine, light, 0, 0, listed, self.cost)
-        best = windows()
+        best = mine.cost
+        best_windows(self.cost, region, best)
         open_nodes = (best > settled) & region
         around = cv2.dilate(open_nodes.view(np.uint8), np.ones((5, 5), np.uint8)).view(bool)
         few = self.listed(1, around & region, light)
         for (dy, dx), out in zip(NEIGHBORS, self.costs):
             self.misfits(mine, light, dy * step, dx * step, few, self.cost)
-            windows(out)
+            best_windows(self.cost, open_nodes, out)
         with mine.rewriting(keep_unwritten=False) as (old, new):
             take_best(old.d, old.a, old.b, step, self.costs, best, open_nodes, new.d, new.a,
                       new.b)
-        mine.cost[...] = best
 
     def coarsened(self, nodes):
         """Return the means of coarse nodes, float32 (h, w), of numbers of nodes, framed."""

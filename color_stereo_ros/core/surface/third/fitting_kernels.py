@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kernel of the planes of the third view; see `plane_kernels`."""
+
+import numpy as np
+
+from ...compiled import band, banded, part
+from ..grid_kernels import any_above, F4, TILE_COLUMNS, TILE_ROWS
+from ..plane_kernels import (
+    gated_sums, RADIUS, smooth_sums, solve_row, stack_sums, WIDE_RADIUS)
+
+
+@part()
+def any_of(nodes):
+    """Return whether any of some nodes, bool, is chosen."""
+    found = False
+    for x in range(nodes.size):
+        found |= nodes[x]
+    return found
+
+
+@banded()
+def fit_region(k, weight, moment, d, a, b, region, tiles, reach, gate, stride, noise_weight,
+               ridge, steepest, reference, new_d, new_a, new_b, variance):
+    """
+    Least-squares planes of the nodes of a region, and of all others of smooth tiles.
+
+    As `plane_kernels.fit_planes`. Of tiles that need a gate only the lines that hold nodes of the
+    region, bool framed, are written.
+
+    """
+    first, last = band(k, tiles.shape[0])
+    sums = stack_sums()
+    for tile in range(first, last):
+        top, left = tiles[tile, 0], tiles[tile, 1]
+        right = left + TILE_COLUMNS
+        radius = max(np.int64(reach[tile]), RADIUS)
+        informed = any_above(weight[top - radius:top + TILE_ROWS + radius,
+                                    left - radius:right + radius], F4(0))
+        if not informed:
+            variance[top:top + TILE_ROWS, left:right] = F4(np.inf)
+            continue
+        if reach[tile] == WIDE_RADIUS:
+            smooth_sums(weight, moment, top, left, WIDE_RADIUS, sums)
+        elif reach[tile] == RADIUS:
+            smooth_sums(weight, moment, top, left, RADIUS, sums)
+        for y in range(top, top + TILE_ROWS):
+            if reach[tile] == 0:
+                if not any_of(region[y, left:right]):
+                    continue
+                gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums[y - top])
+            solve_row(sums[y - top], d[y, left:right], a[y, left:right], b[y, left:right],
+                      noise_weight, ridge, steepest, reference, new_d[y, left:right],
+                      new_a[y, left:right], new_b[y, left:right], variance[y, left:right])
