@@ -373,7 +373,7 @@ def test_a_search_confirms_what_poor_matches_show():
 
 def test_every_cell_is_asked_once_in_some_pairs():
     assert TURNS == CELL_STEP
-    asked, aligner, known = [], Aligner(SIZE, True), None
+    asked, aligner, known = [], Aligner(SIZE, True, turning=True), None
     shown = updated(Alignment.unknown(SIZE), *cells((0.0,))).but(agreeing=True)
 
     def measured(prior):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """By how much the cameras of a recording have moved since they were calibrated."""
 
+from ..core.settings import updated
 from ..errors import RecordingError
 from .measuring import make_stereo, PairSensor
 from .pairing import Pairing
@@ -20,6 +21,8 @@ class DriftSensor:
     """
 
     def __init__(self, recording, topics, settings, say=print):
+        if settings.health.correct == 'off':  # ask all cells, see docs/health.md
+            settings = updated(settings, {'health.correct': 'suggest'})
         self._recording, self._settings = recording, settings
         self._pairing = Pairing(recording, topics, settings, say)
         self._sensor = PairSensor(topics, settings, say)

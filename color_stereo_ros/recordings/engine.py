@@ -10,6 +10,7 @@ other, and gives the task of a process that was killed to another one.
 from contextlib import contextmanager
 import logging
 
+from ..core.compiled import one_thread
 from ..errors import RecordingError
 from .working import forget_runs, measure_task
 
@@ -17,12 +18,11 @@ DEATHS = 10
 """Processes that may be killed over one task; chosen: a machine in trouble, not the task."""
 STARTS = 3
 """Tries to start the processes; chosen likewise."""
-ENVIRONMENT = {
-    'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1',
-    'MALLOC_TRIM_THRESHOLD_': str(1 << 28), 'MALLOC_MMAP_THRESHOLD_': str(1 << 25)}
+ENVIRONMENT = {'MALLOC_TRIM_THRESHOLD_': str(1 << 28), 'MALLOC_MMAP_THRESHOLD_': str(1 << 25)}
 """
-Of local processes: one thread each. Memory of images is kept, where Dask's own values would
-return and fetch it for each pair; that saves a quarter of the processor time (docs/scale.md).
+Of local processes: memory of images is kept, where Dask's own values would return and fetch it
+for each pair; that saves a quarter of the processor time (docs/scale.md). Dask sets it in this
+process, too, while it starts others: numba's variables have no place here.
 """
 
 
@@ -63,6 +63,14 @@ def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda: None):
         yield from _distributed(client, run, tasks)
 
 
+def measure_alone(run, task):
+    """Do what `measure_task` does, with one thread: the other processes have the other cores."""
+    import cv2
+    one_thread()
+    cv2.setNumThreads(1)
+    return measure_task(run, task)
+
+
 @contextmanager
 def _client(workers, scheduler):
     """Yield a client of a scheduler, or of processes that are started for it."""
@@ -98,7 +106,7 @@ def _local_cluster(workers):
 
 def _distributed(client, run, tasks):
     from distributed import as_completed, KilledWorker
-    futures = client.map(measure_task, [run] * len(tasks), tasks, pure=False)
+    futures = client.map(measure_alone, [run] * len(tasks), tasks, pure=False)
     try:
         for _, account in as_completed(futures, with_results=True):
             yield account

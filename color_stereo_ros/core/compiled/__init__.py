@@ -10,6 +10,7 @@ A kernel is a compiled loop that Python calls. Modules of kernels import from he
 - `stack_array`, `stack_row`, `stack_integers` give a kernel small arrays on its stack.
 - `Arena` gives out buffers beside each other.
 - `told_of_compiling` and `is_cached` say whether kernels are compiled, and whether for good.
+- `one_thread` leaves the other cores to other processes.
 - `refuse_after_fork` keeps a forked process from hanging.
 
 Behind the door:
@@ -31,6 +32,7 @@ without notice. Therefore setup.py has an upper bound for its version, and `plai
 
 from . import threads  # noqa: F401, before numba is imported
 from . import requirement  # noqa: F401, tells what to install if numba is missing
+from .alone import one_thread
 from .arena import Arena
 from .caching import is_cached
 from .compiling import told_of_compiling
@@ -41,5 +43,5 @@ from .forks import refuse_after_fork
 
 __all__ = [
     'Arena', 'BANDS', 'LENGTH', 'band', 'banded', 'get_num_threads', 'parallel', 'part', 'prange',
-    'is_cached', 'refuse_after_fork', 'serial', 'stack_array', 'stack_integers', 'stack_row',
+    'is_cached', 'one_thread', 'refuse_after_fork', 'serial', 'stack_array', 'stack_integers', 'stack_row',
     'told_of_compiling']

@@ -18,12 +18,15 @@ class Aligner:
         Width and height of the image, px.
     correct : bool
         Correct the rows; False: only measure them.
+    turning : bool
+        Ask each pair other cells than the one before: the drift of the cameras needs all cells,
+        but the rows then move a little from pair to pair.
 
     """
 
-    def __init__(self, size, correct):
+    def __init__(self, size, correct, turning=False):
         """Take what is the same for all pairs."""
-        self.size, self.correct = size, correct
+        self.size, self.correct, self.turning = size, correct, turning
 
     def align(self, prior, measured, search):
         """
@@ -45,7 +48,7 @@ class Aligner:
             That of the last call of `measured`.
 
         """
-        turn = 0 if prior is None else prior.next_turn()
+        turn = prior.next_turn() if self.turning and prior is not None else 0
         prior = Alignment.unknown(self.size) if prior is None else prior
         return self.answered(
             prior, lambda known: measured(known.but(turn=turn)), search).but(turn=turn)

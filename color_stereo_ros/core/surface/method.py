@@ -108,7 +108,8 @@ class SurfaceMethod:
         self.rows = RowTracker(grid, tuning, arena)
         choice = settings.matching.row_alignment
         self.aligner = None if choice == 'off' else Aligner(
-            (grid.width, grid.height), choice == 'correct')
+            (grid.width, grid.height), choice == 'correct',
+            turning=settings.health.correct != 'off')
         self.evening = Evening(settings.matching, tuning)
         self.careful_evening = Evening(settings.matching, self.detailed)
         self.third = self.follower = None
