@@ -43,5 +43,5 @@ from .forks import refuse_after_fork
 
 __all__ = [
     'Arena', 'BANDS', 'LENGTH', 'band', 'banded', 'get_num_threads', 'parallel', 'part', 'prange',
-    'is_cached', 'one_thread', 'refuse_after_fork', 'serial', 'stack_array', 'stack_integers', 'stack_row',
-    'told_of_compiling']
+    'is_cached', 'one_thread', 'refuse_after_fork', 'serial', 'stack_array', 'stack_integers',
+    'stack_row', 'told_of_compiling']
