@@ -64,7 +64,7 @@ def fitted(start, window_pixels, rounds=60):
     return values
 
 
-def variance(values, window_pixels, lag=2):
+def variance(values, window_pixels, lag=5):
     """Return the mean variance of both coordinates, neighbors' residuals counted as related."""
     columns, rows, seen = window_pixels
     jacobian = np.array([differentiated(values, x, y) for x, y in zip(columns, rows)])

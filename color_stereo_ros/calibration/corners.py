@@ -15,8 +15,8 @@ LEAST_HEIGHT = 6.0   # DN, half of the difference between white and black
 WORST_FIT = 0.25     # residuals as a share of the height; seen on good corners: up to .1
 MOST_BLUR = 0.25     # of a square; a corner that is blurred more is none
 FARTHEST = 0.3       # squares between the start and the corner
-ALIAS = 0.06         # px, error of an edge along the pixels; seen in rendered images: .05 to .07
-LEAST_SIGMA = 0.006   # px; what the model itself leaves
+ALIAS = 0.02         # px, error of an edge along the pixels; evaluation.corners --limits
+LEAST_SIGMA = 0.002   # px; lenses bend the edges of a window; evaluation.corners --limits
 
 
 def detection(board, gray, ids, start, scale, gap=None):
