@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from .bending import shifts
 from .board_kind import Detection, LEAST_CORNERS
 from .corner_kernels import ANGLE_1, ANGLE_2, BLUR_1, BLUR_2, COUNT, fit_corners, HEIGHT
 
@@ -36,7 +37,9 @@ def detection(board, gray, ids, start, scale, gap=None):
     good, pixels, sigma = refined(gray, start, scale, (row + column) % 2 == 0, gap)
     if good.sum() < LEAST_CORNERS:
         return None
-    return Detection(ids[good], pixels[good], sigma[good])
+    found, scale = pixels[good], scale[good]
+    bent = shifts((board.rows - 1, board.columns - 1), ids[good], found, scale, _lengths(scale))
+    return Detection(ids[good], found - bent, sigma[good])
 
 
 def refined(gray, start, scale, black, gap=None):
@@ -79,6 +82,12 @@ def refined(gray, start, scale, black, gap=None):
     return good, pixels, np.where(good, np.sqrt(variance), np.nan)
 
 
+def _lengths(scale):
+    """Return half of what a window shows of the edges along x and y, px, float64 (n, 2)."""
+    return np.minimum(REACH * np.linalg.norm(scale, axis=1), LARGEST / np.abs(
+        scale / np.linalg.norm(scale, axis=1, keepdims=True)).max(axis=1))
+
+
 def _aliasing(found, scale):
     """
     Return the variance of edges that meet the pixels in one phase only, px^2, float64 (n,).
@@ -87,9 +96,8 @@ def _aliasing(found, scale):
     profile moves it. Within a window that it crosses in more than one row, the error averages out.
 
     """
-    length = np.minimum(2 * REACH * np.linalg.norm(scale, axis=1), 2 * LARGEST)
     turned = (found[:, [ANGLE_1, ANGLE_2]] + np.pi / 4) % (np.pi / 2) - np.pi / 4
-    phases = length * np.tan(np.abs(turned))
+    phases = 2 * _lengths(scale) * np.tan(np.abs(turned))
     return 0.5 * ALIAS ** 2 * (np.sinc(np.minimum(phases, 1.0)) ** 2).sum(axis=1)
 
 
