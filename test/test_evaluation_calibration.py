@@ -19,7 +19,8 @@ BARS = {640: 0.02, 1280: 0.01}
 @pytest.mark.parametrize('width', BARS)
 def test_images_calibrate_to_their_bars(effort, figures, width):
     seeds = effort.seeds(1, 10 if width == 640 else 4)
-    found = {name: value for name, (value, _) in summary(study(KIND, seeds, width)).items()}
+    found = {name: value for name, (value, _) in summary(
+        list(study(KIND, seeds, width))).items()}
     for name, goals in {'rows': {'at_most': 0.015}, 'Z': {'at_most': BARS[width]},
                         'rows and Z within 3 sigma': {'at_least': 0.95}}.items():
         figures(f'calibration from images, {width} columns: {name}', found[name], '', over=seeds,

@@ -16,8 +16,8 @@ LEAST_HEIGHT = 6.0   # DN, half of the difference between white and black
 WORST_FIT = 0.25     # residuals as a share of the height; seen on good corners: up to .1
 MOST_BLUR = 0.25     # of a square; a corner that is blurred more is none
 FARTHEST = 0.3       # squares between the start and the corner
-ALIAS = 0.02         # px, error of an edge along the pixels; evaluation.corners --limits
-LEAST_SIGMA = 0.002   # px; lenses bend the edges of a window; evaluation.corners --limits
+ALIAS = 0.0085       # px, error of an edge along the pixels; evaluation.corners --limits
+LEAST_SIGMA = 0.001  # px, a floor; chosen: half of a turned board's error without noise
 
 
 def detection(board, gray, ids, start, scale, gap=None):

@@ -225,8 +225,7 @@ def limits(count, width=640, seed=0):
     Returns
     -------
     along, turned : float
-        Root of the mean square of either coordinate, px. An edge along the pixels is off by
-        a sine of its phase, whose amplitude is sqrt(2) `along`.
+        Root of the mean square of either coordinate, px.
 
     """
     board, generator = Board.usual('chessboard'), np.random.default_rng(seed)
@@ -253,8 +252,8 @@ def main(argv=None):
     args = parser.parse_args(argv)
     if args.limits:
         along, turned = limits(args.views, args.width, args.seed)
-        print(f'without noise: along the pixels {along:.4f} px (amplitude '
-              f'{np.sqrt(2) * along:.4f}), turned {turned:.4f} px')
+        print(f'without noise: along the pixels {along:.4f} px, turned {turned:.4f} px; an edge '
+              f'along the pixels adds {np.sqrt(along ** 2 - turned ** 2):.4f} px')
         return
     print('\n'.join(table(args.views, args.width, args.seed)))
 
