@@ -87,8 +87,7 @@ def test_corners_of_rendered_boards_meet_their_bars(kind, name, effort, figures)
     found = measured(kind, CASES[kind, name], rounds, seed=5)['ours']
     figures(f'corner error, {kind}, {name} tilt', found.rms, 'px', over=rounds,
             at_most=BARS[kind, name])
-    figures(f'z68 of corners, {kind}, {name} tilt', found.z68, '', over=rounds, at_least=0.8,
-            at_most=1.25)
+    figures(f'z68 of corners, {kind}, {name} tilt', found.z68, '', over=rounds, at_most=1.1)
 
 
 @pytest.mark.parametrize('sensitivity', [(1.0, 1.0, 1.0), (1.0, 1.0, 0.5), (0.6, 1.0, 0.9)])

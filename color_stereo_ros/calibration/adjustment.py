@@ -234,8 +234,7 @@ def _reasons(problem, gross, scatter, numbers, pixels):
                                for side in SIDES])
         times = scatter[view] / middle
         # two coordinates a corner
-        if (times > WORSE + SCATTER / np.sqrt(2 * numbers[view])
-                and worse_in_pixels[view]):
+        if times > WORSE + SCATTER / np.sqrt(2 * numbers[view]) and worse_in_pixels[view]:
             reasons[view] = times, (f'its corners scatter {times:.1f} times as much as those of '
                                     'the middle view')
         elif here.mean() > GROSS_SHARE:
@@ -253,7 +252,8 @@ def _result(problem, state, views, dropped):
     if number <= unknown:
         raise CalibrationError(UNDETERMINED)
     scale = np.sqrt(equations.cost / (number - unknown))
-    information = equations.information() / scale**2
+    # Errors that corners share do not scatter: small residuals are no reason to claim more.
+    information = equations.information() / max(scale, 1.0)**2
     matrix = inverse_information(information)
     _check_focal_lengths(state.parameters, matrix)
     return Adjustment(

@@ -104,7 +104,7 @@ class Capture:
             return
         if self._distance is None:
             self._distance = float(np.median(found.translations[:, 2]))
-        sigma = found.scale * np.median(np.concatenate(
+        sigma = max(found.scale, 1.0) * np.median(np.concatenate(
             [found.corners[side].sigma for side in SIDES]))
         guide = Guide(self._board.corners, self._distance,
                       Detectable(whole=self._board.kind != 'charuco'), sigma)

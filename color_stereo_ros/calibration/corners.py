@@ -17,7 +17,8 @@ WORST_FIT = 0.25     # residuals as a share of the height; seen on good corners:
 MOST_BLUR = 0.25     # of a square; a corner that is blurred more is none
 FARTHEST = 0.3       # squares between the start and the corner
 ALIAS = 0.0085       # px, error of an edge along the pixels; evaluation.corners --limits
-LEAST_SIGMA = 0.001  # px, a floor; chosen: half of a turned board's error without noise
+SHARING = 6          # corners of a line with the same error; chosen: lines have 7 and 10
+LEAST_SIGMA = 0.002  # px, what a turned board shows without noise; evaluation.corners --limits
 
 
 def detection(board, gray, ids, start, scale, gap=None):
@@ -93,12 +94,14 @@ def _aliasing(found, scale):
     Return the variance of edges that meet the pixels in one phase only, px^2, float64 (n,).
 
     An edge along a row or a column is sampled at one place of its profile, so that an error of the
-    profile moves it. Within a window that it crosses in more than one row, the error averages out.
+    profile moves it. Within a window that it crosses in more than one row, the error averages
+    out. Corners along the edge share it. An adjustment that counts corners as independent would
+    average it, so that their number is a factor here.
 
     """
     turned = (found[:, [ANGLE_1, ANGLE_2]] + np.pi / 4) % (np.pi / 2) - np.pi / 4
     phases = 2 * _lengths(scale) * np.tan(np.abs(turned))
-    return 0.5 * ALIAS ** 2 * (np.sinc(np.minimum(phases, 1.0)) ** 2).sum(axis=1)
+    return 0.5 * SHARING * ALIAS ** 2 * (np.sinc(np.minimum(phases, 1.0)) ** 2).sum(axis=1)
 
 
 def _good(found, start, scale, sign):
