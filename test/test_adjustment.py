@@ -46,7 +46,8 @@ def test_fifteen_guided_views_calibrate_to_the_limit(effort, figures, fifteen):
     for seed in seeds:
         found = adjusted(truth, fifteen, seed)
         errors.append(errors_of(found, truth))
-        limits.append(quality.of(inverse_information(found.information * max(found.scale, 1.0)**2)))
+        said = found.information * max(found.scale, 1.0)**2
+        limits.append(quality.of(inverse_information(said)))
         change = (found.parameters.vector - truth.vector) / np.sqrt(np.diag(found.matrix))
         within.append(np.abs(change) < 3)
         depth = rows_and_depth_errors(found.calibration, truth)[1]

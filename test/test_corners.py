@@ -2,6 +2,7 @@
 """Corners of rendered boards: exact places, honest standard deviations."""
 
 from color_stereo_ros.calibration import charuco
+from color_stereo_ros.calibration.bending import shifts
 from color_stereo_ros.calibration.boards import Board
 from color_stereo_ros.calibration.circles import eccentricity
 from color_stereo_ros.calibration.corner_kernels import COUNT, fit_corners
@@ -64,6 +65,20 @@ def test_known_corners_come_back():
     assert np.sqrt(np.square(errors).mean()) < 0.02
     assert 0.8 < np.percentile(ratio, 68) < 1.25
     assert 0.8 < np.sqrt(np.square(errors).mean() / np.square(sigmas).mean()) < 1.25
+
+
+def test_the_bend_of_a_line_is_seen_in_its_corners():
+    row, column = np.indices((6, 8))
+    x, y = 25.0 * column - 90, 25.0 * row - 60
+    bend = 1e-4  # 1 / px, of the lines along x
+    pixels = np.stack([x, y + bend / 2 * x ** 2], axis=2).reshape(-1, 2)
+    ids = np.delete(np.arange(48), [9, 20])  # two were not found
+    sides = np.tile(25.0 * np.eye(2), (46, 1, 1))
+    moved = shifts((6, 8), ids, pixels[ids], sides, np.full((46, 2), 12.0))
+    np.testing.assert_allclose(moved[:, 1], bend * 12 ** 2 / 6, rtol=0.1)
+    np.testing.assert_allclose(moved[:, 0], 0.0, atol=1e-9)
+    nothing = shifts((6, 8), ids[:1], pixels[ids[:1]], sides[:1], np.full((1, 2), 12.0))
+    np.testing.assert_array_equal(nothing, 0.0)
 
 
 @pytest.mark.parametrize('image', [
