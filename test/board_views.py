@@ -134,6 +134,12 @@ def errors_of(adjustment, truth, distance=0.35):
     return np.array([rms(focal - 1), baseline - 1, rms(rows), rms(depth)])
 
 
+def modes(covariance, weights):
+    """Return how many independent normal errors x^T W x of a covariance is worth."""
+    product = covariance @ weights
+    return np.trace(product)**2 / np.trace(product @ product)
+
+
 def rms(values, axis=None):
     """Return the root mean square."""
     return np.sqrt(np.mean(np.square(values), axis))

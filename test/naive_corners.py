@@ -64,7 +64,7 @@ def fitted(start, window_pixels, rounds=60):
     return values
 
 
-def variance(values, window_pixels, lag=2):
+def variance(values, window_pixels, lag=5):
     """Return the mean variance of both coordinates, neighbors' residuals counted as related."""
     columns, rows, seen = window_pixels
     jacobian = np.array([differentiated(values, x, y) for x, y in zip(columns, rows)])
@@ -90,11 +90,12 @@ def variance(values, window_pixels, lag=2):
 def board_mean(corners, drawing, border, levels, samples=256):
     """Return the mean radiance of one pixel, given what its four corners see of the board."""
     total, u, v = 0.0, 0.5, 0.5
-    for _ in range(samples):
+    for _ in range(samples // 2):
         u, v = (u + 0.7548776662466927) % 1.0, (v + 0.5698402909980532) % 1.0
-        x, y = ((1 - u) * (1 - v) * corners[0] + u * (1 - v) * corners[1]
-                + (1 - u) * v * corners[2] + u * v * corners[3])
-        total += _level(x, y, drawing, border, levels)
+        for p, q in ((u, v), (1 - u, 1 - v)):
+            x, y = ((1 - p) * (1 - q) * corners[0] + p * (1 - q) * corners[1]
+                    + (1 - p) * q * corners[2] + p * q * corners[3])
+            total += _level(x, y, drawing, border, levels)
     return total / samples
 
 

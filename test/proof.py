@@ -4,11 +4,13 @@
 from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 import json
+import math
 import os
 from pathlib import Path
 import platform
 import subprocess
 
+NORMAL_99 = 2.3263  # standard deviations, below which 99 of 100 normal values lie
 ROOT = Path(__file__).resolve().parents[1]
 OUTPUT = ROOT / 'proof_output' / 'proof.json'
 
@@ -40,6 +42,31 @@ class Figure:
     seeds: str
     """The seeds or rounds behind it, for example '0 .. 199'."""
     test: str
+
+
+def rms_bound(freedoms, others=math.inf):
+    """
+    Return what 99 of 100 runs of few seeds stay below.
+
+    Parameters
+    ----------
+    freedoms : float
+        Degrees of freedom of a root mean square: the seeds times the independent errors of each.
+    others : float
+        Those of the root mean square that it is divided by; infinite = a known value.
+
+    Returns
+    -------
+    ratio : float
+        Of the root mean square to its expectation: the root of the quantile of the chi-square, or
+        of the F distribution (E. B. Wilson and M. M. Hilferty, 1931; E. Paulson, 1942).
+
+    """
+    upper, lower = 2 / (9 * freedoms), 2 / (9 * others)
+    square = (1 - lower) ** 2 - NORMAL_99 ** 2 * lower
+    mixed = (1 - lower) * (1 - upper)
+    rest = (1 - upper) ** 2 - NORMAL_99 ** 2 * upper
+    return ((mixed + math.sqrt(mixed ** 2 - square * rest)) / square) ** 1.5
 
 
 class Figures:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import time
 
 from board_views import (
-    CORNERS, errors_of, guided_poses, random_poses, rig, rms, rows_and_depth_errors, seen, SIZE)
+    CORNERS, errors_of, guided_poses, modes, random_poses, rig, rms, rows_and_depth_errors, seen,
+    SIZE)
 
 from color_stereo_ros.calibration.adjustment import adjust
 from color_stereo_ros.calibration.evidence import agreement_of_halves, choose_lens
@@ -15,6 +16,8 @@ from color_stereo_ros.calibration.views import View
 from color_stereo_ros.core import CalibrationError
 
 import numpy as np
+
+from proof import rms_bound
 
 import pytest
 
@@ -36,46 +39,46 @@ def adjusted(truth, poses, seed, **options):
 
 
 def test_fifteen_guided_views_calibrate_to_the_limit(effort, figures, fifteen):
-    truth, seeds = rig(), effort.seeds(4, 200)
+    truth, seeds = rig(), effort.seeds(10, 200)
     calibration = truth.calibration()
     quality, points = Quality.at(calibration, 0.35), grid_of(calibration, 0.35)
     errors, limits, claims, within = [], [], [], []
     for seed in seeds:
         found = adjusted(truth, fifteen, seed)
         errors.append(errors_of(found, truth))
-        limits.append(quality.of(inverse_information(found.information * found.scale**2)))
+        said = found.information * max(found.scale, 1.0)**2
+        limits.append(quality.of(inverse_information(said)))
         change = (found.parameters.vector - truth.vector) / np.sqrt(np.diag(found.matrix))
         within.append(np.abs(change) < 3)
         depth = rows_and_depth_errors(found.calibration, truth)[1]
         claims.append(depth / found.covariance.depth_std(found.calibration, *points))
     focal, baseline, rows, depth = rms(errors, 0)
     depth_limit, rows_limit = rms(limits, 0)
-    # the scatter of an RMS over few seeds is larger than the goals of many
-    slack = 1.0 if effort.full else 1.5
+    bounds = [1.15 if effort.full else rms_bound(len(seeds) * modes(found.matrix, weights))
+              for weights in (quality.depth[:-2, :-2], quality.rows[:-2, :-2])]
     for name, value, unit, goal in (
             ('15 guided views, focal length', 100 * focal, '%', 0.012),
             ('15 guided views, baseline', 100 * baseline, '%', 0.006),
             ('15 guided views, rows', rows, 'px', 0.009),
             ('15 guided views, Z at 350 mm', 1e3 * depth, 'mm', 0.035),
-            ('depth over Cramer-Rao', depth / depth_limit, '', 1.15),
-            ('rows over Cramer-Rao', rows / rows_limit, '', 1.15)):
-        figures(f'calibration: {name}', value, unit, over=seeds, at_most=goal * slack)
+            ('depth over Cramer-Rao', depth / depth_limit, '', bounds[0]),
+            ('rows over Cramer-Rao', rows / rows_limit, '', bounds[1])):
+        figures(f'calibration: {name}', value, unit, over=seeds, at_most=goal)
     figures('calibration: parameters within 3 sigma', np.mean(within), '', over=seeds,
             at_least=0.95)
     z68 = np.percentile(np.abs(claims), 68)
-    figures('calibration: z68 of the depth', z68, '', over=seeds,
-            **({'at_least': 0.8, 'at_most': 1.25} if effort.full else {}))
+    figures('calibration: z68 of the depth', z68, '', over=seeds, at_least=0.8, at_most=1.25)
 
 
 @pytest.mark.parametrize('model', ['rational_polynomial', 'equidistant'])
 def test_other_lenses_are_calibrated_as_well(effort, figures, fifteen, model):
-    truth, seeds = rig(model), effort.seeds(2, 40)
+    truth, seeds = rig(model), effort.seeds(3, 40)
+    quality = Quality.at(truth.calibration(), 0.35)
     errors, limits, within = [], [], []
     for seed in seeds:
         found = adjusted(truth, fifteen, seed)
         errors.append(errors_of(found, truth)[3])
-        limits.append(Quality.at(truth.calibration(), 0.35).of(
-            inverse_information(found.information))[0])
+        limits.append(quality.of(inverse_information(found.information))[0])
         covariance, calibration = found.covariance, found.calibration
         rows, depth = rows_and_depth_errors(calibration, truth)
         points = grid_of(calibration, 0.35)
@@ -83,7 +86,8 @@ def test_other_lenses_are_calibrated_as_well(effort, figures, fifteen, model):
                    np.abs(rows) < 3 * covariance.rows_std(calibration, *points)]
     figures(f'calibration: {model}, Z at 350 mm', 1e3 * rms(errors), 'mm', over=seeds)
     figures(f'calibration: {model}, Z over the claim', rms(errors) / rms(limits), '', over=seeds,
-            at_most=1.15 if effort.full else 1.8)
+            at_most=1.15 if effort.full else rms_bound(
+                len(seeds) * modes(found.matrix, quality.depth[:-2, :-2])))
     figures(f'calibration: {model}, rows and depth within 3 sigma', np.mean(within), '',
             over=seeds, at_least=0.95)
 
@@ -145,6 +149,17 @@ def test_two_bad_views_are_named_and_dropped(effort, figures, fifteen, kind):
     with_bad, without = rms(depth, 0)
     figures(f'calibration: 2 of 15 views {kind}, Z over clean', with_bad / without, '',
             over=seeds, at_most=1.2)
+
+
+def test_a_view_that_claims_too_much_but_fits_in_pixels_stays(fifteen):
+    views = seen(rig(), fifteen, np.random.default_rng(4))
+    for index in (2, 9):  # as steep views of rendered boards: the sigma is too small by half
+        views[index] = View(views[index].name, *(replace(side, sigma=side.sigma / 2.5)
+                                                 for side in (views[index].left,
+                                                              views[index].right)))
+    found = adjust(SIZE, CORNERS, views)
+    assert not found.dropped
+    assert errors_of(found, rig())[3] < 1e-4
 
 
 def test_single_gross_corners_are_left_out_and_the_view_stays(fifteen):

@@ -10,9 +10,9 @@ import pytest
 from board_shots import BOARD, images, SIZE
 from color_stereo_ros.calibration.boards import Board
 from color_stereo_ros.calibration.edge_width import edge_width
+from color_stereo_ros.calibration.gray import gray_of
 from color_stereo_ros.calibration.pairs import find_pairs, ImagePair
-from color_stereo_ros.calibration.shots import (
-    check_sizes, detect_shot, gray_of, without_blurred)
+from color_stereo_ros.calibration.shots import check_sizes, detect_shot, without_blurred
 from color_stereo_ros.calibration.still import moved, PAIRS, StillWatch
 from color_stereo_ros.calibration.suspicions import check_shots
 from color_stereo_ros.errors import CalibrationError, RecordingError

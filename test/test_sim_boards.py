@@ -53,6 +53,16 @@ def test_an_edge_covers_its_share_of_a_pixel(shift):
     assert next_one == pytest.approx(np.clip(1.5 - shift, 0, 1), abs=0.006)
 
 
+def test_the_samples_of_a_pixel_have_no_side():
+    board, errors = Board.usual('chessboard'), []
+    for turn in (13, -17, 28):
+        view = board_view(board_camera(CALIBRATION.left, **{**CLEAN, 'lens_blur': 0.5, 'bits': 8}),
+                          board, facing(board, 0.4, (0, -7.5, turn)))
+        found = board.detect(view.image[..., 1])
+        errors.append(found.pixels - view.pixels[found.ids])
+    assert np.abs(np.concatenate(errors).mean(axis=0)).max() < 0.001
+
+
 def test_the_truth_is_the_projection_of_opencv():
     board = Board.usual('chessboard')
     pose = facing(board, 0.4, tilt=(20, 15, 5))

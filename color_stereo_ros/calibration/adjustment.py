@@ -174,12 +174,20 @@ def judged(problem, state):
     return gross, scatter, np.array([len(each) for each in of_views])
 
 
+def pixel_scatter(problem, state):
+    """Return the median deviation of the residuals of each view, px, float64 (V,)."""
+    residuals = problem.residuals(state)
+    return np.array([np.median(np.abs(np.concatenate(
+        [residuals[side][problem.corners[side].of_view(view)] for side in SIDES])))
+        for view in range(problem.count)])
+
+
 def without_bad_views(model, problem, state, views):
     """Return problem, state and views without the bad ones, and the reasons by name."""
     dropped = {}
     for _ in range(ROUNDS + len(views)):
         gross, scatter, numbers = judged(problem, state)
-        reasons = _reasons(problem, gross, scatter, numbers)
+        reasons = _reasons(problem, gross, scatter, numbers, pixel_scatter(problem, state))
         if not reasons and all(np.array_equal(problem.kept[side], ~gross[side])
                                for side in SIDES) and (problem.view_weights == 1).all():
             break
@@ -208,16 +216,25 @@ def check_number_left(views, dropped):
             + f'. {NOT_TOGETHER}')
 
 
-def _reasons(problem, gross, scatter, numbers):
-    """Return by view (how bad, the reason) where a view does not fit."""
+def _reasons(problem, gross, scatter, numbers, pixels):
+    """
+    Return by view (how bad, the reason) where a view does not fit.
+
+    What is wrong with a view (motion, another pose, an exchanged image) moves its corners in the
+    image. A view whose corners fit as well in px as those of the others is good: there, only the
+    standard deviations that the corners claim differ, and those of steep views are the least
+    certain.
+
+    """
     middle = np.median(scatter)
+    worse_in_pixels = pixels > WORSE * np.median(pixels)
     reasons = {}
     for view in range(problem.count):
         here = np.concatenate([gross[side][problem.corners[side].of_view(view)]
                                for side in SIDES])
         times = scatter[view] / middle
         # two coordinates a corner
-        if times > WORSE + SCATTER / np.sqrt(2 * numbers[view]):
+        if times > WORSE + SCATTER / np.sqrt(2 * numbers[view]) and worse_in_pixels[view]:
             reasons[view] = times, (f'its corners scatter {times:.1f} times as much as those of '
                                     'the middle view')
         elif here.mean() > GROSS_SHARE:
@@ -235,7 +252,8 @@ def _result(problem, state, views, dropped):
     if number <= unknown:
         raise CalibrationError(UNDETERMINED)
     scale = np.sqrt(equations.cost / (number - unknown))
-    information = equations.information() / scale**2
+    # Errors that corners share do not scatter: small residuals are no reason to claim more.
+    information = equations.information() / max(scale, 1.0)**2
     matrix = inverse_information(information)
     _check_focal_lengths(state.parameters, matrix)
     return Adjustment(

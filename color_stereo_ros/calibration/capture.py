@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import CalibrationError
 from .adjustment import adjust
+from .gray import gray_of
 from .guidance import Detectable, Guide
 from .shots import check_sizes, detect_shot
 from .still import StillWatch
@@ -86,7 +87,7 @@ class Capture:
             return shot, False
         check_sizes([*self.shots, shot])
         self.shots.append(shot)
-        self.images.append([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in pair.images()])
+        self.images.append([gray_of(image) for image in pair.images()])
         self._advise()
         return shot, True
 
@@ -103,7 +104,7 @@ class Capture:
             return
         if self._distance is None:
             self._distance = float(np.median(found.translations[:, 2]))
-        sigma = found.scale * np.median(np.concatenate(
+        sigma = max(found.scale, 1.0) * np.median(np.concatenate(
             [found.corners[side].sigma for side in SIDES]))
         guide = Guide(self._board.corners, self._distance,
                       Detectable(whole=self._board.kind != 'charuco'), sigma)

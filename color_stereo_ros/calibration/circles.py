@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import CalibrationError
 from .board_kind import BoardKind, Detection, Drawing
 
-SIGMA = 0.02   # px, of OpenCV's centers; seen in rendered images
+SIGMA = 0.01   # px, of OpenCV's centers; evaluation.corners
 SMALLEST = 20  # px^2, of a disk; chosen
 FIT = 0.25     # of the distance of neighbors, from one homography; leaves room for distortion
 

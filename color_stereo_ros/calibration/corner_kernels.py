@@ -21,7 +21,7 @@ COUNT = 10             # of the parameters; blurs are logarithms
 ROUNDS = 40            # at most; a dozen are usual
 STEP = 1e-4            # px; the fit ends when the corner moves less
 SHARPEST, BLUNTEST = math.log(0.25), math.log(8.0)  # px, of the blur
-LAG = 2                # px; demosaicing makes the noise of nearer neighbors alike
+LAG = 5                # px; the tent reaches over three periods of a mosaic, where it is blind
 ROOT_2 = math.sqrt(2.0)
 SLOPE = math.sqrt(2.0 / math.pi)
 

@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from .bending import shifts
 from .board_kind import Detection, LEAST_CORNERS
 from .corner_kernels import ANGLE_1, ANGLE_2, BLUR_1, BLUR_2, COUNT, fit_corners, HEIGHT
 
@@ -15,8 +16,9 @@ LEAST_HEIGHT = 6.0   # DN, half of the difference between white and black
 WORST_FIT = 0.25     # residuals as a share of the height; seen on good corners: up to .1
 MOST_BLUR = 0.25     # of a square; a corner that is blurred more is none
 FARTHEST = 0.3       # squares between the start and the corner
-ALIAS = 0.06         # px, error of an edge along the pixels; seen in rendered images: .05 to .07
-LEAST_SIGMA = 0.006   # px; what the model itself leaves
+ALIAS = 0.0085       # px, error of an edge along the pixels; evaluation.corners --limits
+SHARING = 6          # corners of a line with the same error; chosen: lines have 7 and 10
+LEAST_SIGMA = 0.002  # px, what a turned board shows without noise; evaluation.corners --limits
 
 
 def detection(board, gray, ids, start, scale, gap=None):
@@ -36,7 +38,9 @@ def detection(board, gray, ids, start, scale, gap=None):
     good, pixels, sigma = refined(gray, start, scale, (row + column) % 2 == 0, gap)
     if good.sum() < LEAST_CORNERS:
         return None
-    return Detection(ids[good], pixels[good], sigma[good])
+    found, scale = pixels[good], scale[good]
+    bent = shifts((board.rows - 1, board.columns - 1), ids[good], found, scale, _lengths(scale))
+    return Detection(ids[good], found - bent, sigma[good])
 
 
 def refined(gray, start, scale, black, gap=None):
@@ -79,18 +83,25 @@ def refined(gray, start, scale, black, gap=None):
     return good, pixels, np.where(good, np.sqrt(variance), np.nan)
 
 
+def _lengths(scale):
+    """Return half of what a window shows of the edges along x and y, px, float64 (n, 2)."""
+    return np.minimum(REACH * np.linalg.norm(scale, axis=1), LARGEST / np.abs(
+        scale / np.linalg.norm(scale, axis=1, keepdims=True)).max(axis=1))
+
+
 def _aliasing(found, scale):
     """
     Return the variance of edges that meet the pixels in one phase only, px^2, float64 (n,).
 
     An edge along a row or a column is sampled at one place of its profile, so that an error of the
-    profile moves it. Within a window that it crosses in more than one row, the error averages out.
+    profile moves it. Within a window that it crosses in more than one row, the error averages
+    out. Corners along the edge share it. An adjustment that counts corners as independent would
+    average it, so that their number is a factor here.
 
     """
-    length = np.minimum(2 * REACH * np.linalg.norm(scale, axis=1), 2 * LARGEST)
     turned = (found[:, [ANGLE_1, ANGLE_2]] + np.pi / 4) % (np.pi / 2) - np.pi / 4
-    phases = length * np.tan(np.abs(turned))
-    return 0.5 * ALIAS ** 2 * (np.sinc(np.minimum(phases, 1.0)) ** 2).sum(axis=1)
+    phases = 2 * _lengths(scale) * np.tan(np.abs(turned))
+    return 0.5 * SHARING * ALIAS ** 2 * (np.sinc(np.minimum(phases, 1.0)) ** 2).sum(axis=1)
 
 
 def _good(found, start, scale, sign):

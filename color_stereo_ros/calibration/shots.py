@@ -4,11 +4,11 @@
 from collections import Counter
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from ..errors import CalibrationError
 from .edge_width import edge_width
+from .gray import gray_of
 from .views import SIDES, View
 
 BLURRED = 2.0   # times the usual width of the edges; chosen: the lens alone changes less
@@ -70,11 +70,6 @@ def detect_shot(board, pair):
                    for each, gray in zip(found, grays))
     return Shot(pair.name, tuple(gray.shape[::-1] for gray in grays), *found, widths, pair.skew,
                 None if any(found) else 'the board is found in neither image')
-
-
-def gray_of(image):
-    """Return an image, uint8 (H, W, 3) RGB, as gray, uint8 (H, W)."""
-    return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
 
 
 def check_sizes(shots):

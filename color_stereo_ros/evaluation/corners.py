@@ -15,6 +15,7 @@ import numpy as np
 
 from ..calibration.boards import Board
 from ..calibration.charuco import dictionary, is_available
+from ..calibration.gray import gray_of
 from ..core import StereoCalibration
 from ..sim.boards import board_pair
 from ..sim.geometry import Pose
@@ -24,6 +25,7 @@ CASES = {('chessboard', 'usual'): (0, 30), ('chessboard', 'steep'): (35, 55),
          ('charuco', 'usual'): (0, 30), ('charuco', 'steep'): (35, 55),
          ('circles', 'usual'): (0, 30)}
 """Kind of board and name of the case: least and largest tilt, degrees."""
+QUIET = 1e7  # electrons, a full well whose shot noise is less than a number of 8 bits
 WINDOW = (5, 5)  # px, half width of cornerSubPix; the usual one of its examples
 
 
@@ -139,7 +141,7 @@ def measured(kind, tilts, count, seed=0, width=640, **electronics):
     for index in range(count):
         pose = random_pose(board, tilts, generator)
         for view in board_pair(calibration, board, pose, seed=seed + index, **electronics):
-            gray = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
+            gray = gray_of(view.image)
             for name, method in methods.items():
                 found = method(board, gray, view)
                 if found is not None:
@@ -213,13 +215,46 @@ def table(count, width=640, seed=0):
     return lines
 
 
+def limits(count, width=640, seed=0):
+    """
+    Measure the errors that corners have without noise.
+
+    Boards lie along the pixels, where every part of an edge meets them in one phase, or are
+    turned by 12 to 35 degrees, where all phases occur.
+
+    Returns
+    -------
+    along, turned : float
+        Root of the mean square of either coordinate, px.
+
+    """
+    board, generator = Board.usual('chessboard'), np.random.default_rng(seed)
+    errors = []
+    for turns in ((-0.5, 0.5), (12, 35)):
+        errors.append(Errors())
+        for index in range(count):
+            pose = facing(board, generator.uniform(0.38, 0.42), (0, -CONVERGENCE / 2,
+                                                                 generator.uniform(*turns)))
+            for view in board_pair(rig(width), board, pose, full_well=QUIET, read_noise=0.0):
+                ids, pixels, _ = _ours(board, gray_of(view.image), view)
+                errors[-1].add(pixels - view.pixels[ids])
+    return tuple(each.rms for each in errors)
+
+
 def main(argv=None):
     """Print the table."""
     parser = argparse.ArgumentParser(description='Errors of corners on rendered boards, px.')
     parser.add_argument('--views', type=int, default=12, metavar='N', help='pairs of each case')
     parser.add_argument('--width', type=int, default=640, metavar='N', help='columns')
     parser.add_argument('--seed', type=int, default=0, metavar='N')
+    parser.add_argument('--limits', action='store_true',
+                        help='errors without noise, from which constants of the fit come')
     args = parser.parse_args(argv)
+    if args.limits:
+        along, turned = limits(args.views, args.width, args.seed)
+        print(f'without noise: along the pixels {along:.4f} px, turned {turned:.4f} px; an edge '
+              f'along the pixels adds {np.sqrt(along ** 2 - turned ** 2):.4f} px')
+        return
     print('\n'.join(table(args.views, args.width, args.seed)))
 
 

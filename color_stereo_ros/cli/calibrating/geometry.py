@@ -107,7 +107,7 @@ def shots_from(args, board):
 
 def grays(pair):
     """Return both images of an ImagePair, gray."""
-    from ...calibration.shots import gray_of
+    from ...calibration.gray import gray_of
     return [gray_of(image) for image in pair.images()]
 
 

@@ -128,13 +128,12 @@ def _views(args, calibration, board):
 
 def _seen(board, calibration, images):
     """Return (None, BoardPose) of a pair of RGB images, or (why not, None)."""
-    import cv2
-
     from ...calibration.board_pose import board_pose, Seen
+    from ...calibration.gray import gray_of
     from ...core import ColorStereoError
     sides = []
     for image in images:
-        found = board.detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+        found = board.detect(gray_of(image))
         sides.append(None if found is None else
                      Seen(board.corners[found.ids], found.pixels, found.sigma))
     if not any(sides):

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lenses bend the edges of a board; what that moves the corners by."""
+
+import numpy as np
+
+NEAR = 3  # corners to each side along a line, whose median is the curvature; chosen
+
+
+def shifts(shape, ids, pixels, sides, lengths):
+    """
+    Return how far straight edges move the corners where the true edges are bent.
+
+    A straight line through an edge of curvature k and half length L lies k L^2 / 6 beside its
+    middle. Inner corners of one row of a board are on a straight line in the world, also under
+    perspective. In the image they tell how the lens bends it.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the corners of the board.
+    ids : numpy.ndarray, int64, shape (n,)
+        Which corners were found; row by row.
+    pixels : numpy.ndarray, float64, shape (n, 2)
+        Where, px.
+    sides : numpy.ndarray, float64, shape (n, 2, 2)
+        The columns are the directions of the edges along x and along y, of any length.
+    lengths : numpy.ndarray, float64, shape (n, 2)
+        Half of what was fitted of these edges, px.
+
+    Returns
+    -------
+    shift : numpy.ndarray, float64, shape (n, 2)
+        px, to be subtracted; zero where too few neighbors were found.
+
+    """
+    grid = np.full((*shape, 2), np.nan)
+    grid.reshape(-1, 2)[ids] = pixels
+    bends = np.stack([curvatures(grid), curvatures(grid.transpose(1, 0, 2)).T], axis=2)
+    beside = bends.reshape(-1, 2)[ids] * lengths ** 2 / 6
+    along = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+    normals = np.stack([-along[:, 1], along[:, 0]], axis=2)  # (n, edge, coordinate)
+    return np.linalg.solve(normals, beside[..., None])[..., 0]
+
+
+def curvatures(lines):
+    """
+    Return the curvature along lines of corners, 1 / px, float64 (R, C).
+
+    Parameters
+    ----------
+    lines : numpy.ndarray, float64, shape (R, C, 2)
+        px; NaN = not found.
+
+    Returns
+    -------
+    curvature : numpy.ndarray, float64, shape (R, C)
+        Positive where a line bends to (-uy, ux), with u its direction; 0 = unknown.
+
+    """
+    before, after = lines[:, 1:-1] - lines[:, :-2], lines[:, 2:] - lines[:, 1:-1]
+    chord = before + after
+    # Twice the area of a triangle over its sides: the curvature of the circle through it.
+    area = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
+    sides = [np.linalg.norm(each, axis=2) for each in (before, after, chord)]
+    bends = np.pad(2 * area / np.prod(sides, axis=0), ((0, 0), (NEAR + 1, NEAR + 1)),
+                   constant_values=np.nan)
+    near = np.lib.stride_tricks.sliding_window_view(bends, 2 * NEAR + 1, axis=1)
+    known = np.isfinite(near).any(axis=2)
+    return np.where(known, np.nanmedian(np.where(known[..., None], near, 0.0), axis=2), 0.0)

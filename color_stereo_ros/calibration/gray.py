@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The gray image of a board, in which a Bayer mosaic does not move edges."""
+
+import cv2
+import numpy as np
+
+STEP = 4            # px between the pixels that are compared; wider than a blurred edge
+ROWS = 3            # every third row is looked at; odd, so that both kinds of rows are seen
+STRONG = 90         # percentile of the steps of brightness that show the gains
+LEAST_STEP = 12     # DN; below, noise decides
+LEAST_GAIN = 0.25   # of the strongest channel; a weaker one would bring noise only
+
+
+def gray_of(image):
+    """
+    Return the luminance of a board under a Bayer mosaic.
+
+    Where the channels see the same, the mosaic itself is a gray image at full resolution, and
+    (R + 2 G + B) / 4 of a demosaiced image is that image with a slight blur. Then the errors of
+    red and blue edges cancel, which other weights leave as a shift of up to .08 px with a period
+    of two pixels (D. Alleysson, S. Susstrunk and J. Herault, 2005). Lamps and sensors make the
+    channels unequal: each is divided by its gain.
+
+    Parameters
+    ----------
+    image : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
+
+    Returns
+    -------
+    gray : numpy.ndarray, uint8, shape (H, W)
+        White of the brightest channel stays what it is.
+
+    """
+    weights = np.array([0.25, 0.5, 0.25]) / channel_gains(image)
+    return cv2.transform(image, np.float32(weights)[None])
+
+
+def channel_gains(image):
+    """
+    Return how large steps of brightness are in R, G, B, float64 (3,), 1 = the largest.
+
+    Black and white boards have the strongest edges of most images. Their steps, colored ones
+    left aside by the median, show the gains.
+
+    """
+    rows = image[::ROWS].astype(np.float64)
+    steps = rows[:, STEP:] - rows[:, :-STEP]
+    total = np.abs(steps.sum(axis=2))
+    strong = total >= max(np.percentile(total, STRONG), 3 * LEAST_STEP)
+    if not strong.any():
+        return np.ones(3)
+    gains = np.median(steps[strong] / steps[strong].sum(axis=1, keepdims=True), axis=0)
+    return np.maximum(gains / gains.max(), LEAST_GAIN)

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calibrations from rendered images: as near the truth as asked, and as they claim."""
+
+from color_stereo_ros.calibration import charuco
+from color_stereo_ros.calibration.guidance import grid_of
+from color_stereo_ros.core.cameras.parameters import StereoParameters
+from color_stereo_ros.evaluation.calibration import errors_at, study, summary
+from color_stereo_ros.evaluation.corners import rig
+
+import numpy as np
+import pytest
+
+KIND = 'charuco' if charuco.is_available() else 'chessboard'
+BARS = {640: 0.02, 1280: 0.01}
+"""Columns to the error of Z, %."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('width', BARS)
+def test_images_calibrate_to_their_bars(effort, figures, width):
+    seeds = effort.seeds(1, 10 if width == 640 else 4)
+    found = {name: value for name, (value, _) in summary(
+        list(study(KIND, seeds, width))).items()}
+    for name, goals in {'rows': {'at_most': 0.015}, 'Z': {'at_most': BARS[width]},
+                        'rows and Z within 3 sigma': {'at_least': 0.95}}.items():
+        figures(f'calibration from images, {width} columns: {name}', found[name], '', over=seeds,
+                **goals)
+    for name, least in {'z68 of the parameters': 0.8, 'z68 of Z': 0.8, 'z68 of rows': 0.0}.items():
+        goals = {'at_least': least, 'at_most': 1.25} if effort.full else {}
+        figures(f'calibration from images, {width} columns: {name}', found[name], '', over=seeds,
+                **goals)
+
+
+def test_a_known_error_is_found():
+    truth = rig()
+    points = grid_of(truth, 0.35)
+    rows, depth = errors_at(truth, truth, *points)
+    assert np.abs(rows).max() < 1e-6 and np.abs(depth).max() < 1e-9
+    parameters = StereoParameters.from_calibration(truth)
+    vector = parameters.vector
+    vector[-3:] *= 1.001  # the baseline alone
+    rows, depth = errors_at(parameters.changed(vector).calibration(), truth, *points)
+    assert depth == pytest.approx(0.001 * points[2], rel=1e-3)
+    assert np.abs(rows).max() < 1e-6
