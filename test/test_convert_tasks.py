@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """`color_stereo convert` by tasks: the same result whoever works, and nothing is lost."""
 
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import signal
+import socket
+import subprocess
+import sys
 import threading
 import time
 
@@ -185,28 +189,71 @@ def test_a_killed_worker_costs_its_task_and_nothing_else(tmp_path, cards, few, e
     for seed in range(effort.count(1, 100)):
         result = tmp_path / f'killed_{seed}'
         delay = np.random.default_rng(seed).uniform(0, 3)
-        killer = threading.Thread(target=kill_a_worker, args=(result, delay))
+        killer = threading.Thread(target=kill_a_worker, args=(delay,))
         killer.start()
         status = cli.main([*words[:2], str(result), *words[3:-1], '2'])
         killer.join()
         assert status == 0 and decoded(result) == expected
 
 
-def kill_a_worker(result, delay):
+def test_three_machines_give_the_same_though_one_is_killed(tmp_path, cards, few, effort):
+    words = ['convert', str(cards), str(tmp_path / 'alone'), *PAPER, '--workers', '1']
+    assert cli.main(words) == 0
+    expected = decoded(tmp_path / 'alone')
+    with cluster(tmp_path / 'dask', 3) as (address, machines):
+        for seed in range(effort.count(1, 20)):
+            result = tmp_path / f'cluster_{seed}'
+            delay = np.random.default_rng(seed).uniform(0, 2)
+            killer = threading.Thread(target=kill_a_worker, args=(delay, machines[0].pid))
+            killer.start()
+            assert cli.main([*words[:2], str(result), *words[3:-2], '--scheduler', address]) == 0
+            killer.join()
+            assert decoded(result) == expected
+
+
+@contextmanager
+def cluster(folder, machines):
+    """Start a scheduler and workers with folders of their own; yield its address and them."""
+    folder.mkdir()
+    address = f'tcp://127.0.0.1:{free_port()}'
+    commands = [['dask_scheduler', '--host', address, '--no-dashboard', '--no-show'], *(
+        ['dask_worker', address, '--nthreads', '1', '--no-dashboard', '--local-directory',
+         str(folder / str(index))] for index in range(machines))]
+    started = [subprocess.Popen([sys.executable, '-m', f'distributed.cli.{name}', *words],
+                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+               for name, *words in commands]
+    try:
+        yield address, started[1:]
+    finally:
+        for process in reversed(started):
+            process.terminate()
+        for process in started:
+            process.wait(30)
+
+
+def free_port():
+    """Return a port of this machine that nobody listens at."""
+    with socket.socket() as listener:
+        listener.bind(('127.0.0.1', 0))
+        return listener.getsockname()[1]
+
+
+def kill_a_worker(delay, parent=None):
     """Kill one of the processes that measure, some time after the first one has begun."""
     end = time.monotonic() + 60
-    while not (found := measuring()) and time.monotonic() < end:
+    while not (found := measuring(parent)) and time.monotonic() < end:
         time.sleep(0.05)
     time.sleep(delay)
-    for process in measuring()[:1] or found[:1]:
+    for process in measuring(parent)[:1] or found[:1]:
         try:
             os.kill(process, signal.SIGKILL)
         except ProcessLookupError:
             pass
 
 
-def measuring():
-    """Return the processes of Dask below this one that measure."""
+def measuring(parent=None):
+    """Return the processes of Dask that measure below another one, usually this one."""
+    above = parent or os.getpid()
     parents = {}
     for folder in Path('/proc').glob('[0-9]*'):
         try:
@@ -215,7 +262,7 @@ def measuring():
         except (OSError, ValueError):
             continue
     return [child for child, parent in parents.items()
-            if parent == os.getpid() and b'spawn_main' in command_of(child)]
+            if parent == above and b'spawn_main' in command_of(child)]
 
 
 def command_of(process):

@@ -16,6 +16,8 @@ from .working import forget_runs, measure_task
 
 DEATHS = 10
 """Processes that may be killed over one task; chosen: a machine in trouble, not the task."""
+PATIENCE = '5s'
+"""Time that a scheduler has to answer; chosen: networks answer in a tenth of it."""
 STARTS = 3
 """Tries to start the processes; chosen likewise."""
 ENVIRONMENT = {'MALLOC_TRIM_THRESHOLD_': str(1 << 28), 'MALLOC_MMAP_THRESHOLD_': str(1 << 25)}
@@ -78,7 +80,7 @@ def _client(workers, scheduler):
     from distributed import Client
     if scheduler is not None:
         try:
-            client = Client(scheduler, timeout='10s')
+            client = Client(scheduler, timeout=PATIENCE)
         except (OSError, ValueError) as error:
             raise RecordingError(f'{scheduler}: no Dask scheduler answers there; start one with '
                                  '`dask scheduler`, or leave out --scheduler') from error
