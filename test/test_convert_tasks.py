@@ -211,6 +211,29 @@ def test_three_machines_give_the_same_though_one_is_killed(tmp_path, cards, few,
             assert decoded(result) == expected
 
 
+def test_the_memory_of_a_worker_does_not_grow_with_the_pairs(tmp_path, effort, figures,
+                                                              monkeypatch):
+    count, settled = effort.count(400, 2000), 200
+    pair = hue_pair(8)
+    with write_recording(tmp_path / 'long') as writer:
+        for index in range(count):
+            writer.write_pair((1 + index) * SECOND // 10, *pair, parallel_rig())
+    measure, used = working.measure_task, []
+
+    def measured(run, task, tick):
+        account = measure(run, task, tick)
+        pages = int(Path('/proc/self/statm').read_text(encoding='ascii').split()[1])
+        used.append(((task.index + 1) * tasks.PAIRS, pages * os.sysconf('SC_PAGE_SIZE') / 1e3))
+        return account
+
+    monkeypatch.setattr(engine, 'measure_task', measured)
+    assert cli.main(['convert', str(tmp_path / 'long'), str(tmp_path / 'result'), *PAPER,
+                     '--workers', '1']) == 0
+    pairs, kilobytes = np.array([row for row in used if row[0] > settled]).T
+    figures('convert: memory of a worker', np.polyfit(pairs, kilobytes, 1)[0], 'kB a pair',
+            over=count, at_most=10.0)
+
+
 @contextmanager
 def cluster(folder, machines):
     """Start a scheduler and workers with folders of their own; yield its address and them."""
