@@ -568,7 +568,8 @@ def test_nodes_are_sorted_by_what_both_say_and_the_better_plane_is_taken():
         own = hopeless if lost else weighed[y, x]
         better = third_odds[y, x] > own or (which == AGREE and bounded < use.kept_odds)
         best = max(own, third_odds[y, x])
-        best = max(best * (certainty[which] if best > 0 else 1),
+        sure = TUNING.use.sure_odds
+        best = max(sure + (best - sure) * certainty[which] if best > sure else best,
                    bounded if which == AGREE else hopeless)
         np.testing.assert_allclose(out[:, at[0], at[1]], [
             *(third if better else two)[:, at[0], at[1]],

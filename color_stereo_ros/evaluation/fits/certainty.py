@@ -20,7 +20,7 @@ from .doubts import pixels_of
 SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
 CASES = (('blur_left', 3.0), ('blur_both', 3.0), ('blur_right', 3.0), ('motion_right', 9.0),
          ('motion_rows', 9.0), ('jpeg', 40), 'worn')
-FACTORS = 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3
+FACTORS = 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2
 PERMITTED = 0.0005
 """Share of wrong ranges among the sure: a twentieth of the largest one that is accepted, 1 %."""
 

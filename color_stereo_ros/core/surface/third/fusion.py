@@ -240,12 +240,12 @@ class Fusion:
 
     def certainty(self, demanding):
         """
-        Return by which factor log-odds above 0 count in a pair, float32 (4,), by kind.
+        Return by which factor high log-odds count in a pair, float32 (4,), by kind.
 
         Both pairs of views share the left image. Its blur, noise and compression move both planes
         alike, so that they agree on wrong places, too. The third view therefore makes less certain
-        where doubts have faded. Hardly any range is lost: log-odds of 0 stay. What two cameras
-        know for certain stays, too.
+        where doubts have faded. Hardly any range is lost: log-odds up to `sure_odds` stay. What
+        two cameras know for certain stays, too.
 
         """
         kept = 1 - (1 - demanding) * F4(1 - self.kept_certainty)

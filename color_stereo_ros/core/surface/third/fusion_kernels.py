@@ -16,6 +16,7 @@ DISTANCE_CAP = F4(TUNING.use.distance_cap)
 LOWEST, HIGHEST = (F4(limit) for limit in TUNING.use.odds_limits)
 AGREEMENT = F4(TUNING.use.agreement)
 KEPT_ODDS = F4(TUNING.use.kept_odds)
+SURE_ODDS = F4(TUNING.use.sure_odds)
 MOST_EVIDENCE = 8
 stack_evidence = stack_array(F4, MOST_EVIDENCE, LENGTH)
 NOTHING, AGREE, FIRM, APART = range(4)  # kinds of nodes, see `fusion.Inputs`
@@ -184,8 +185,8 @@ def decide(k, kind, possible, evidence, odds, third_odds, certainty, doubts, two
 
     kind and possible as `sort_nodes` writes them, evidence[0] too. odds, third_odds, float32
     (rows, columns): log-odds of the planes of two cameras and of the third view, HOPELESS_ODDS
-    where there is none. certainty and doubts, float32 (4,), by kind: factor of log-odds above 0,
-    and what log-odds lose. All others are framed, those after third_std are written:
+    where there is none. certainty and doubts, float32 (4,), by kind: factor of what log-odds have
+    above SURE_ODDS, and what log-odds lose. All others are framed, those after third_std are written:
     float32, reason and views uint8, beyond bool. Where both agree, a node keeps at least the
     log-odds that the two cameras give it. A node that the third view measures or confirms may lie
     beyond the right image: at its border one pixel of a node does.
@@ -205,7 +206,8 @@ def decide(k, kind, possible, evidence, odds, third_odds, certainty, doubts, two
             takes = (third > two) | doubted
             agree = (which == AGREE) | (which == FIRM)
             best = max(two, third)
-            best *= certainty[which] if best > F4(0) else F4(1)
+            sure = max(best - SURE_ODDS, F4(0))
+            best += (certainty[which] - F4(1)) * sure
             best = max(best, evidence[0, row, column]) if which == AGREE else best
             log_odds[y, x] = best - (F4(0) if alone else doubts[which])
             d[y, x] = third_d[y, x] if takes else two_d[y, x]

@@ -200,9 +200,14 @@ class UseTuning(Constants):
         DOUBTS['expected_wrong'], '1', 'Share of its ranges that two cameras expect to be wrong, '
         'from their log-odds, from which doubts begin to fade, and from which there is none.',
         DOUBTS.provenance('expected_wrong'))
+    sure_odds: float = constant(
+        1.0, '1', 'Log-odds above which `kept_certainty` counts.',
+        chosen('A probability of .73: what decides whether there is a range stays as it is.'),
+        compiled=True)
     kept_certainty: float = constant(
-        CERTAINTY['kept_certainty'], '1', 'Factor of log-odds above 0 of what the third view '
-        'measures or confirms, in pairs without doubts.', CERTAINTY.provenance('kept_certainty'))
+        CERTAINTY['kept_certainty'], '1', 'Factor of log-odds above `sure_odds` of what the third '
+        'view measures or confirms, in pairs without doubts.',
+        CERTAINTY.provenance('kept_certainty'))
     told_step: int = constant(
         4, 'nodes', 'Distance of the nodes, across and down, whose log-odds tell that share.',
         derived('Some 3000 nodes of a VGA pair: known to a twentieth.'))
