@@ -4,6 +4,7 @@
 from contextlib import contextmanager
 import os
 from pathlib import Path
+import shutil
 import signal
 import socket
 import subprocess
@@ -177,7 +178,7 @@ def test_a_run_that_was_stopped_is_neither_mixed_with_another_nor_forgotten(
     assert cli.main(words) == 1
     assert '2 parts of an earlier run' in capsys.readouterr().err
     assert cli.main([*words, '--resume', '--color.smoothing', '1']) == 1
-    assert 'of another run: settings was' in capsys.readouterr().err
+    assert 'of another run: color.smoothing was 0.0, now it is 1.0' in capsys.readouterr().err
     assert cli.main([*words, '--color.smoothing', '1', '--restart']) == 0
     assert [path.name for path in tmp_path.iterdir()] == ['result']
 
@@ -315,3 +316,14 @@ def test_impossible_workers_are_refused(tmp_path, cards, capsys, words, said):
     assert cli.main(['convert', str(cards), str(tmp_path / 'result'), *PAPER, *words])
     assert said in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('command', ['convert', 'export'])
+def test_a_recording_is_never_replaced_by_its_own_result(tmp_path, cards, capsys, command):
+    bag = tmp_path / 'bag'
+    shutil.copytree(cards, bag)
+    before = sorted(path.name for path in bag.iterdir())
+    named = bag / 'cards.mcap' if command == 'convert' else bag
+    assert cli.main([command, str(named), str(bag), *PAPER, '--overwrite']) == 2
+    assert 'is the recording itself, or holds it' in capsys.readouterr().err
+    assert sorted(path.name for path in bag.iterdir()) == before

@@ -115,7 +115,7 @@ MISSES = {
     'bench': ('tools', ['bench']),
     'trust': ('tools', ['trust']),
     'view': ('view', ['view', '--sample']),
-    'view, recording': ('tools', ['view', 'recorded', '--html', 'view.html']),
+    'view, recording': ('tools', ['view', 'recorded', '--html', 'view.html', '--overwrite']),
     'view, live': ('ros', ['view', '--live']),
     'project': ('project', ['project', '--level', '3']),
     'project, ROS': ('ros', ['project']),

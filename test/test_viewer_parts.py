@@ -220,3 +220,11 @@ def test_a_demo_ends_in_the_viewer_where_somebody_sits(terminals, environment, e
     for name, terminal in zip(('stdin', 'stdout'), terminals):
         monkeypatch.setattr(sys, name, SimpleNamespace(isatty=lambda terminal=terminal: terminal))
     assert somebody_sits_there() == expected
+
+
+def test_a_file_that_is_there_is_replaced_only_when_asked(tmp_path, capsys):
+    path = tmp_path / 'mine.html'
+    path.write_text('mine', encoding='utf-8')
+    assert cli.main(['view', '--sample', '--html', str(path)]) == 1
+    assert '--overwrite replaces it' in capsys.readouterr().err
+    assert path.read_text(encoding='utf-8') == 'mine'

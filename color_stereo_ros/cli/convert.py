@@ -39,20 +39,15 @@ def add_work_arguments(parser):
 
 def run(args):
     """Convert the recording of the command line; return PARTLY if something was refused."""
-    from pathlib import Path
-
-    from ..core import SettingsError
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.converting import Conversion
     from ..recordings.reading import open_readable
     from .arguments import settings_from
     from .main import warn
     from .progress import Progress
-    from .recorded import topics_of
+    from .recorded import check_apart, topics_of
     settings = settings_from(args, RangeNodeSettings())
-    if Path(args.recording).resolve() == Path(args.result).resolve():
-        raise SettingsError(f'{args.result}: is the recording itself; name another folder for '
-                            'the result')
+    check_apart(args.recording, args.result)
     with open_readable(args.recording, warn) as recording:
         topics = topics_of(args, recording, settings)
         conversion = Conversion(recording, args.result, topics, settings, args.topics,

@@ -32,14 +32,18 @@ def add_arguments(parser):
 
 def run(args):
     """Export the recording of the command line; return PARTLY if something was refused."""
+    from pathlib import Path
+
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.exporting import Export
     from ..recordings.reading import open_readable
     from .arguments import settings_from
     from .main import warn
     from .progress import Progress
-    from .recorded import topics_of
+    from .recorded import check_apart, topics_of
     settings, wanted = settings_from(args, RangeNodeSettings()), wanted_by(args)
+    if Path(args.recording).is_dir():
+        check_apart(args.recording, args.folder)
     with open_readable(args.recording, warn) as recording:
         topics = topics_of(args, recording, settings)
         export = Export(recording, args.folder, topics, settings, wanted)

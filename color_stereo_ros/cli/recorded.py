@@ -18,6 +18,24 @@ def add_recording_arguments(parser, about_namespace=''):
         topics.add_argument(option, metavar='TOPIC', help=what)
 
 
+def check_apart(recording, result):
+    """
+    Refuse a result that is the recording itself, or a folder that holds it.
+
+    Raises
+    ------
+    SettingsError
+
+    """
+    from pathlib import Path
+
+    from ..core import SettingsError
+    own = {Path(recording).resolve(), Path(recording).absolute()}
+    if any(path.is_relative_to(Path(result).resolve()) for path in own):
+        raise SettingsError(f'{result}: is the recording itself, or holds it; name another '
+                            'folder for the result')
+
+
 def named_topics(args):
     """Return the StereoTopics that a command line names; None where it names none."""
     from ..recordings.topics import StereoTopics

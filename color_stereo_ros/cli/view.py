@@ -34,6 +34,7 @@ def add_arguments(parser):
                         'the next free one is taken; 0 = any (default 8080)')
     parser.add_argument('--html', metavar='FILE', help='write one HTML file instead, which needs '
                         'no server and no network: the scene and a time bar, without clicks')
+    parser.add_argument('--overwrite', action='store_true', help='with --html: replace FILE')
     parser.add_argument('--frames', default='0', metavar='LIST', help='with --html: the pairs '
                         'in it, indices from 0 and slices as in Python, such as 0,10:20:2 '
                         '(default 0)')
@@ -63,6 +64,7 @@ def run(args):
 def check(args):
     """Refuse a command line that names no source, or two."""
     from ..core import SettingsError
+    from ..files.atomic import check_free
     named = [name for name, given in (('a recording or folder', args.source),
                                       ('--sample', args.sample), ('--live', args.live)) if given]
     if len(named) != 1:
@@ -70,6 +72,8 @@ def check(args):
                             + (f'; not {" and ".join(named)}' if named else ''))
     if args.live and args.html:
         raise SettingsError('--html needs a recording or image files; record the topics first')
+    if args.html and not args.overwrite:
+        check_free(Path(args.html))
     if not 0 <= args.port <= 65535:
         raise SettingsError(f'--port = {args.port} is outside 0 .. 65535')
 

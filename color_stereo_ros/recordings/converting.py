@@ -169,12 +169,12 @@ class Conversion:
             self._parts.join(len(tasks), overwrite=self._work.overwrite)
 
     def _measure(self, tasks, teller, tick):
-        alone = self._work.scheduler is None and min(self._work.workers, len(tasks)) <= 1
         done = set(self._parts.done())
         for index in done:
             self.tally.add(self._parts.account(index))
             tick(len(tasks[index].rows))
         left = [task for task in tasks if task.index not in done]
+        alone = self._work.scheduler is None and min(self._work.workers, len(left)) <= 1
         for account in run_tasks(self._run(), left, workers=self._work.workers,
                                  scheduler=self._work.scheduler, tick=lambda: tick(1)):
             self.tally.add(account)

@@ -93,12 +93,15 @@ class Parts:
     def _check(self, identity):
         """Refuse parts of another run."""
         kept = yaml.safe_load((self.folder / RUN).read_text(encoding='utf-8'))
-        other = [name for name in identity if kept.get(name) != identity[name]]
-        if other:
-            name = other[0]
-            raise RecordingError(f'{self.folder}: holds parts of another run: {name} was '
-                                 f'{kept.get(name)!r}, now it is {identity[name]!r}; --restart '
-                                 'removes them')
+        name = next((name for name in identity if kept.get(name) != identity[name]), None)
+        if name is None:
+            return
+        before, now = kept.get(name), identity[name]
+        if isinstance(before, dict) and isinstance(now, dict):
+            name = next(each for each in {**before, **now} if before.get(each) != now.get(each))
+            before, now = before.get(name), now.get(name)
+        raise RecordingError(f'{self.folder}: holds parts of another run: {name} was {before!r}, '
+                             f'now it is {now!r}; --restart removes them')
 
     def done(self):
         """Return the indices of the parts that are whole, in order."""

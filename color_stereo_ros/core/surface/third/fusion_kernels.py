@@ -185,11 +185,11 @@ def decide(k, kind, possible, evidence, odds, third_odds, certainty, doubts, two
 
     kind and possible as `sort_nodes` writes them, evidence[0] too. odds, third_odds, float32
     (rows, columns): log-odds of the planes of two cameras and of the third view, HOPELESS_ODDS
-    where there is none. certainty and doubts, float32 (4,), by kind: factor of what log-odds have
-    above SURE_ODDS, and what log-odds lose. All others are framed, those after third_std are written:
-    float32, reason and views uint8, beyond bool. Where both agree, a node keeps at least the
-    log-odds that the two cameras give it. A node that the third view measures or confirms may lie
-    beyond the right image: at its border one pixel of a node does.
+    where there is none. certainty and doubts, float32 (4,), by kind: factor of what log-odds
+    have above SURE_ODDS, and what log-odds lose. All others are framed, those after third_std
+    are written: float32, reason and views uint8, beyond bool. Where both agree, a node keeps at
+    least the log-odds that the two cameras give it. A node that the third view measures or
+    confirms may lie beyond the right image: at its border one pixel of a node does.
 
     """
     rows, columns = kind.shape
