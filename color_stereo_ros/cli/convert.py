@@ -52,9 +52,8 @@ def run(args):
         topics = topics_of(args, recording, settings)
         conversion = Conversion(recording, args.result, topics, settings, args.topics,
                                 args.namespace, work_of(args))
-        with Progress(total=sum(recording.counts[topic] for topic in topics.names),
-                      unit='message', desc='pairing', leave=False) as progress:
-            conversion.pair(progress.say, lambda message: progress.update())
+        with Progress.pairing(recording, topics) as (say, tick):
+            conversion.pair(say, tick)
         with Progress(total=len(conversion.plan.rows), unit='pair') as progress:
             conversion.measure(progress.say, progress.update)
     return told(args.result, conversion)
@@ -74,14 +73,8 @@ def work_of(args):
 
 def told(result, conversion):
     """Print how a conversion went; return PARTLY if something was refused."""
-    from .main import PARTLY, warn
+    from .recorded import warn_of_losses
     plan, tally = conversion.plan, conversion.tally
     print(f'{result}: {tally.measured} pairs measured, {tally.failed} refused, '
           f'{plan.unpaired} images without partner or calibration')
-    if tally.failed:
-        warn(f'{tally.failed} pairs refused; the first: {tally.first_failure}')
-    if plan.refusals:
-        warn(f'{plan.refusals}; the first: {plan.refusals.first}')
-    if conversion.loss:
-        warn(f'{conversion.path} is damaged: {conversion.loss}')
-    return PARTLY if tally.failed or plan.refusals or conversion.loss else None
+    return warn_of_losses(conversion.path, tally, plan, conversion.loss)

@@ -47,13 +47,12 @@ def run(args):
     with open_readable(args.recording, warn) as recording:
         topics = topics_of(args, recording, settings)
         export = Export(recording, args.folder, topics, settings, wanted)
-        with Progress(total=sum(recording.counts[topic] for topic in topics.names),
-                      unit='message', desc='pairing', leave=False) as progress:
-            export.pair(progress.say, lambda message: progress.update())
+        with Progress.pairing(recording, topics) as (say, tick):
+            export.pair(say, tick)
         with Progress(total=export.pairs, unit='pair') as progress:
             export.measure(progress.say, progress.update)
         loss = recording.loss
-    return told(args.folder, export, loss)
+    return told(args, export, loss)
 
 
 def wanted_by(args):
@@ -68,16 +67,10 @@ def wanted_by(args):
     return Wanted(tuple(args.products), args.frames, args.depth_scale, args.fps, args.overwrite)
 
 
-def told(folder, export, loss):
+def told(args, export, loss):
     """Print how an export went; return PARTLY if something was refused."""
-    from .main import PARTLY, warn
+    from .recorded import warn_of_losses
     plan, sensor = export.plan, export.sensor
-    print(f'{folder}: {export.files} files of {sensor.measured} pairs, {sensor.failed} refused; '
-          f'the recording has {len(plan.rows)} pairs')
-    if sensor.failed:
-        warn(f'{sensor.failed} pairs refused; the first: {sensor.first_failure}')
-    if plan.refusals:
-        warn(f'{plan.refusals}; the first: {plan.refusals.first}')
-    if loss:
-        warn(f'the recording is damaged: {loss}')
-    return PARTLY if sensor.failed or plan.refusals or loss else None
+    print(f'{args.folder}: {export.files} files of {sensor.measured} pairs, {sensor.failed} '
+          f'refused; the recording has {len(plan.rows)} pairs')
+    return warn_of_losses(args.recording, sensor, plan, loss)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Progress bars that also tell something when standard error is a file or a pipe."""
 
+from contextlib import contextmanager
 import sys
 
 from tqdm import tqdm
@@ -40,3 +41,11 @@ class Progress(tqdm):
             self.write(text, file=sys.stderr)
         else:
             print(text, file=sys.stderr, flush=True)
+
+    @classmethod
+    @contextmanager
+    def pairing(cls, recording, topics):
+        """Yield what takes the sentences and the messages of a pass that finds pairs."""
+        with cls(total=sum(recording.counts[topic] for topic in topics.names), unit='message',
+                 desc='pairing', leave=False) as progress:
+            yield progress.say, lambda message: progress.update()

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arguments by which commands name a recording and the topics of its pair."""
+"""What commands about recordings share: arguments, and the account of what was lost."""
 
 
 def add_recording_arguments(parser, about_namespace=''):
     """Declare the recording, and its topics."""
-    from ..recordings.topics import OPTIONS
     parser.add_argument('recording', help='rosbag2 folder, a single .mcap or .db3 file, or a '
                         'ROS 1 bag')
-    topics = parser.add_argument_group('topics', 'where a recording has several pairs, or other '
-                                       'names than range_node expects')
+    add_topic_arguments(parser, about_namespace)
+
+
+def add_topic_arguments(parser, about_namespace=''):
+    """Declare the topics of the pair, of a recording or of running cameras."""
+    from ..recordings.topics import OPTIONS
+    topics = parser.add_argument_group('topics', 'where there are several pairs, or other names '
+                                       'than range_node expects')
     topics.add_argument('--namespace', metavar='NAME', help='namespace of the cameras'
                         + about_namespace)
     for option, what in zip(OPTIONS, (
@@ -46,3 +51,33 @@ def topics_of(args, recording, settings):
     """Return the StereoTopics of a command line in a recording."""
     return recording.stereo_topics(args.namespace, named_topics(args),
                                    settings.input.transport == 'compressed')
+
+
+def warn_of_losses(path, fared, plan, loss):
+    """
+    Warn of what was refused or cannot be read.
+
+    Parameters
+    ----------
+    path : path-like
+        The recording.
+    fared : Tally or PairSensor
+        How many pairs failed, and why the first one did.
+    plan : Plan
+    loss : str or None
+        What cannot be read of a damaged recording.
+
+    Returns
+    -------
+    status : int or None
+        PARTLY, if there was anything.
+
+    """
+    from .main import PARTLY, warn
+    if fared.failed:
+        warn(f'{fared.failed} pairs refused; the first: {fared.first_failure}')
+    if plan.refusals:
+        warn(f'{plan.refusals}; the first: {plan.refusals.first}')
+    if loss:
+        warn(f'{path} is damaged: {loss}')
+    return PARTLY if fared.failed or plan.refusals or loss else None

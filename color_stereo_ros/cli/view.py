@@ -15,8 +15,8 @@ CALIBRATION = 'left.yaml', 'right.yaml'
 def add_arguments(parser):
     """Declare the arguments."""
     from ..parameters.groups import RangeNodeSettings
-    from ..recordings.topics import OPTIONS
     from .arguments import add_settings_arguments
+    from .recorded import add_topic_arguments
     parser.add_argument('source', nargs='?', help='a recording (rosbag2 folder, .mcap, .db3 or '
                         'ROS 1 bag), or a folder of image pairs (left_1.png, right_1.png ..) '
                         'with its calibration')
@@ -38,12 +38,7 @@ def add_arguments(parser):
     parser.add_argument('--frames', default='0', metavar='LIST', help='with --html: the pairs '
                         'in it, indices from 0 and slices as in Python, such as 0,10:20:2 '
                         '(default 0)')
-    parser.add_argument('--namespace', metavar='NAME', help='namespace of the cameras')
-    for option, what in zip(OPTIONS, ('images of the left camera', 'images of the right camera',
-                                      'camera_info of the left camera',
-                                      'camera_info of the right camera')):
-        parser.add_argument(option, metavar='TOPIC', help=f'topic of the {what}, where it has '
-                            'another name than range_node expects')
+    add_topic_arguments(parser)
     add_settings_arguments(parser, settings=RangeNodeSettings())
 
 
@@ -101,10 +96,8 @@ def recorded(recording, topics, settings):
     """Return the frames of a recording; its pairs are found first, with a progress bar."""
     from ..viewer.sources import RecordedFrames
     from .progress import Progress
-    with Progress(total=sum(recording.counts[topic] for topic in topics.names), unit='message',
-                  desc='pairing', leave=False) as progress:
-        return RecordedFrames(recording, topics, settings, progress.say,
-                              lambda message: progress.update())
+    with Progress.pairing(recording, topics) as (say, tick):
+        return RecordedFrames(recording, topics, settings, say, tick)
 
 
 def files_of(folder, calibration, settings):
@@ -160,9 +153,9 @@ def watch(args):
     from ..viewer.page import ViewPage
     from .arguments import settings_from
     from .main import warn
+    from .recorded import named_topics
     settings = settings_from(args, RangeNodeSettings())
-    named = args.left_image, args.right_image, args.left_info, args.right_info
-    with live_frames(args.namespace or '', named, settings) as source:
+    with live_frames(args.namespace or '', named_topics(args).names, settings) as source:
         print(f'Waiting for {", ".join(source.names)}; Ctrl-C ends.', flush=True)
         try:
             first = source.first(warn)

@@ -174,14 +174,11 @@ class Conversion:
             self.tally.add(self._parts.account(index))
             tick(len(tasks[index].rows))
         left = [task for task in tasks if task.index not in done]
-        alone = self._work.scheduler is None and min(self._work.workers, len(left)) <= 1
         for account in run_tasks(self._run(), left, workers=self._work.workers,
-                                 scheduler=self._work.scheduler, tick=lambda: tick(1)):
+                                 scheduler=self._work.scheduler, tick=tick):
             self.tally.add(account)
             for text in account['said']:
                 teller.tell(text)
-            if not alone:
-                tick(len(tasks[account['index']].rows))
 
     def _run(self):
         return Run(str(self._recording.path.resolve()), str(self._parts.folder),
@@ -196,4 +193,4 @@ class Conversion:
                 'bytes': sum(file.stat().st_size for file in files if file.is_file()),
                 'pairs': len(self.plan.rows), 'topics': list(self._topics.names),
                 'outputs': self._outputs and list(self._outputs), 'namespace': self._namespace,
-                'settings': {name: value for name, value in flat(self._settings).items()}}
+                'settings': flat(self._settings)}

@@ -28,7 +28,7 @@ process, too, while it starts others: numba's variables have no place here.
 """
 
 
-def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda: None):
+def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda count: None):
     """
     Measure tasks, in any order.
 
@@ -41,7 +41,8 @@ def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda: None):
     scheduler : str, optional
         Address of a Dask scheduler, such as tcp://host:8786: its workers measure.
     tick : callable
-        Called after each pair, where this process measures.
+        Called with a number of pairs that are done: after each pair where this process measures,
+        else after each task.
 
     Yields
     ------
@@ -57,12 +58,14 @@ def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda: None):
     if scheduler is None and min(workers, len(tasks)) <= 1:
         try:
             for task in tasks:
-                yield measure_task(run, task, tick)
+                yield measure_task(run, task, lambda: tick(1))
         finally:
             forget_runs()
         return
     with _client(min(workers, len(tasks)), scheduler) as client:
-        yield from _distributed(client, run, tasks)
+        for account in _distributed(client, run, tasks):
+            tick(account['measured'] + account['failed'])
+            yield account
 
 
 def measure_alone(run, task):

@@ -85,14 +85,12 @@ def from_recording(args):
     from ...parameters.groups import RangeNodeSettings
     from ...recordings.drift import DriftSensor
     from ...recordings.reading import Recording
-    from ...recordings.topics import StereoTopics
     from ..arguments import settings_from
     from ..progress import Progress
+    from ..recorded import topics_of
     settings = settings_from(args, RangeNodeSettings())
     with Recording(args.recording) as recording:
-        topics = recording.stereo_topics(args.namespace, StereoTopics(
-            args.left_image, args.right_image, args.left_info, args.right_info),
-            settings.input.transport == 'compressed')
+        topics = topics_of(args, recording, settings)
         with Progress(total=recording.counts[topics.left_image], unit='pair') as progress:
             sensor = DriftSensor(recording, topics, settings, say=progress.say)
             for message in recording.messages(topics.names):
