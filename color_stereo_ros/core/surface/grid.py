@@ -33,6 +33,11 @@ class HalfGrid:
                             ('tiles', tiles_of(shape))):
             object.__setattr__(self, name, value)
 
+    def repeat_columns(self, values):
+        """Write the first and last column of nodes of a framed array beside them, too."""
+        values[:, PAD - 1] = values[:, PAD]
+        values[:, PAD + self.columns] = values[:, PAD + self.columns - 1]
+
 
 def framed_area(rows, columns, first):
     """Return where the nodes lie in a framed array, a pair of slices."""

@@ -292,7 +292,14 @@ class SurfaceMethod:
         return measurement
 
     def expanded(self, fused):
-        """Return the Measurement of the nodes of three views."""
+        """
+        Return the Measurement of the nodes of three views.
+
+        What the views measure by turns leaves islands, too: chance matches of two cameras amid a
+        surface that only the projector sees.
+
+        """
+        self.trust.distrust_islands(self.views, fused.planes, fused.verdict.log_odds)
         measurement = measured_pixels(fused.planes, fused.verdict, self.geometry, self.limits,
                                       self.trust.least_odds, fused.beyond)
         return replace(measurement, views=fused.views_of(measurement.status))

@@ -110,7 +110,7 @@ class Trust:
             self.distrust_discord(planes, self.discord_distance(views))
         if uneven is not None:
             self.temper(uneven)
-        self.distrust_islands(views, planes)
+        self.distrust_islands(views, planes, self.log_odds)
         self.find_hidden(planes)
         verdict = self.settle(views, planes, views.left.s if light is None else light)
         if seeds.period_odds is not None:
@@ -214,16 +214,27 @@ class Trust:
             cv2.scaleAdd(self.at_all_nodes(excess), loss, self.log_odds[inner],
                          dst=self.log_odds[inner])
 
-    def distrust_islands(self, views, planes):
-        """Lower log_odds of surfaces that are smaller than `matching.min_segment`."""
+    def distrust_islands(self, views, planes, log_odds):
+        """
+        Lower log_odds of surfaces that are smaller than `matching.min_segment`.
+
+        Parameters
+        ----------
+        views : Views
+        planes : PlaneField or FusedPlanes
+        log_odds : numpy.ndarray, float32, framed
+            Of these planes; also the columns beside the nodes are written.
+
+        """
         least_nodes = self.settings.matching.min_segment // 4
         if least_nodes > 1:
             rows, columns = self.grid.nodes
             run_of, first, parent, size = self.segments
-            distrust_islands(planes.d, planes.a, planes.b, self.log_odds, views.left.s,
+            distrust_islands(planes.d, planes.a, planes.b, log_odds, views.left.s,
                              F4(self.tuning.full_brightness), rows, columns,
                              F4(self.tuning.joined_distance), least_nodes, run_of, first, parent,
                              size)
+            self.grid.repeat_columns(log_odds)
 
     def find_hidden(self, planes):
         """Mark in hidden the nodes whose place in the right image shows a more trusted surface."""

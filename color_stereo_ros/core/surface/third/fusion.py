@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..grid_kernels import F4, PAD
+from ..grid_kernels import F4
 from ..trust import Verdict
 from ..trust_kernels import HOPELESS_ODDS as HOPELESS
 from ...status import Status
@@ -182,8 +182,7 @@ class Fusion:
         grid, inner = self.grid, self.grid.inner
         log_odds = np.full(grid.shape, HOPELESS, F4)
         log_odds[inner] = np.where(lit[inner] & known_planes(planes), odds, HOPELESS)
-        log_odds[:, PAD - 1] = log_odds[:, PAD]
-        log_odds[:, PAD + grid.columns] = log_odds[:, PAD + grid.columns - 1]
+        grid.repeat_columns(log_odds)
         reason = np.full(grid.shape, Status.IMPLAUSIBLE, np.uint8)
         reason[~lit] = Status.DARK
         reason[left.peak < 0] = Status.OUTSIDE_IMAGE
