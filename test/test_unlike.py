@@ -479,6 +479,41 @@ def test_hot_pixels_are_replaced_and_nothing_else():
     np.testing.assert_array_equal(mended[touched == 0], image[touched == 0])
 
 
+def median_error(result):
+    """Return the median of the errors of the inner pixels, px."""
+    return float(np.nanmedian(np.abs(result.disparity - TRUTH)[12:-12, 48:-12]))
+
+
+def shaded(light):
+    """Return light behind a lens that shades red on one side and blue on the other."""
+    x = np.linspace(-1, 1, WIDTH)[None, :, None]
+    return light * np.exp(0.06 * x * np.array([1.0, 0.0, -1.0]))
+
+
+def test_small_gains_are_evened_out_where_the_colors_of_an_aperiodic_pattern_change_slowly():
+    rng = np.random.default_rng(5)
+    left, right = (photographed(shift, feature_size=24.0) for shift in (-TRUTH, 0 * TRUTH))
+    errors = [median_error(sensor(matching__color_matching=on).process(
+        exposed(left, rng), exposed(shaded(right), rng))) for on in (False, True)]
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_a_named_slow_pattern_on_print_is_as_good_as_an_unknown_one():
+    rng = np.random.default_rng(5)
+    x = np.arange(WIDTH)[None, :, None]
+    images = []
+    for shift, change in ((-TRUTH, lambda light: light), (0 * TRUTH, shaded)):
+        sine = 0.5 + 0.4 * np.cos(2 * np.pi * ((x + shift[..., None]) / WIDTH
+                                               + np.arange(3) / 3))
+        print_ = 0.5 + 0.5 * photographed(shift)[..., :1]
+        images.append(exposed(change(sine * print_), rng))
+    named, unknown = (sensor(pattern__type=name).process(*images) for name in ('sine', 'unknown'))
+    assert share_right(named) > share_right(unknown) - 0.005 > 0.9
+    assert median_error(named) < 1.1 * median_error(unknown)
+    np.testing.assert_allclose(np.nanmedian(named.disparity_std),
+                               np.nanmedian(unknown.disparity_std), rtol=0.1)
+
+
 def test_blocks_tell_other_cameras_from_other_parts_of_the_pattern():
     tuning = type(TUNING.views)(**{
         **{name: getattr(TUNING.views, name) for name in TUNING.views.__dataclass_fields__},

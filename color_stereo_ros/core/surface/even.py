@@ -65,6 +65,24 @@ class Evening:
             steps, share = self.tuning.next_steps, self.tuning.again_share
         return changed, size
 
+    def matters(self, views):
+        """
+        Return whether the colors change so slowly that small differences move the matches.
+
+        A gain g moves a match by g / slope. Under the steep colors of hue_field that is lost in
+        the noise.
+
+        """
+        rows = slice(PAD, PAD + views.grid.nodes[0], self.tuning.slope_step)
+        left, columns = views.left, views.grid.nodes[1]
+        u, v, variance = (plane[rows, PAD:PAD + columns] for plane in (
+            left.u, left.v, left.variance))
+        lit = np.maximum(variance[:, 1:], variance[:, :-1]) < SILENT_VARIANCE
+        if not lit.any():
+            return False
+        slope = np.hypot(np.diff(u), np.diff(v))[lit]
+        return bool(np.median(slope) < self.tuning.steep_slope)
+
     def explains(self, views, planes):
         """Return whether the matches explain enough of the colors to learn from them."""
         tuning = self.tuning
@@ -130,7 +148,8 @@ class Evening:
         amount = max(np.abs(blurs).mean(axis=1).max(), abs(oblique))
         blurred = amount > share * tuning.least_blur and fit.certain('blur') > tuning.certain
         strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
-        least = tuning.least_gain, tuning.least_gamma, tuning.least_matrix
+        least_gain = tuning.gentle_gain if self.matters(views) else tuning.least_gain
+        least = least_gain, tuning.least_gamma, tuning.least_matrix
         recolored = any(each > share * limit and fit.certain(name) > tuning.certain
                         for each, limit, name in zip(strength, least, COLORS))
         banded = False

@@ -57,7 +57,7 @@ from .texture import colors_of, colors_show, detail, TextureSearch
 from .third.following import Follower
 from .third.view import ThirdView
 from .trust import Trust
-from .tuning import detailed_tuning, tuning_for
+from .tuning import careful_tuning, detailed_tuning, tuning_for
 from .views import Views
 
 
@@ -111,9 +111,9 @@ class SurfaceMethod:
             (grid.width, grid.height), choice == 'correct',
             turning=settings.health.correct != 'off')
         self.evening = Evening(settings.matching, tuning)
-        self.careful_evening = Evening(settings.matching, self.detailed)
+        self.detailed_evening = Evening(settings.matching, self.detailed)
+        self.careful_evening = Evening(settings.matching, careful_tuning(self.detailed))
         self.third = self.follower = None
-        self.match_colors = settings.matching.color_matching and tuning.pair.color_matching
         if settings.matching.refinements:
             self.warm_refinements()
         self.warm_brightness()
@@ -209,6 +209,11 @@ class SurfaceMethod:
     def plain(self):
         """Return whether the pair in force shows no colors of the pattern."""
         return self.brightness.seeded and not self.views.raised
+
+    @property
+    def evening_in_force(self):
+        """Return the Evening for what the pair in force shows."""
+        return self.detailed_evening if self.in_force is self.detailed else self.evening
 
     @property
     def planar(self):
@@ -374,18 +379,15 @@ class SurfaceMethod:
         Widen planes.variance by errors that windows of slow colors share.
 
         Returns `SharedErrors.roughness`; None where nothing is widened. Variances of averaged
-        colors are fitted to that already. Where detail holds the planes, named patterns need it
-        only if the ranges are rough.
+        colors are fitted to that already.
 
         """
-        averaging = self.tuning.views.averaging_radius > 0
-        if self.expectation.aperiodic or self.gray or averaging and not self.brightness.seeded:
+        averaged = self.tuning.views.averaging_radius > 0 and not self.brightness.seeded
+        if self.expectation.aperiodic or self.gray or averaged:
             return None
         rough = 0.0
         if self.brightness.seeded and self.settings.matching.refinements:
             rough = self.shared.roughness(self.quality.uneven(), verdict.log_odds)
-        if averaging and not rough:
-            return None
         slow = self.shared.widen(self.views, planes, pair, weight, rough)
         return rough if slow else None
 
@@ -441,7 +443,7 @@ class SurfaceMethod:
         planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
         if self.settings.matching.refinements:
             pair = self.fit_seeds(views, planes, pair, clock)
-        if self.evening.on and not self.gray:
+        if self.evening_in_force.on and not self.gray:
             pair = self.even_out(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
@@ -641,7 +643,7 @@ class SurfaceMethod:
             That of the changed views; this one where nothing has changed.
 
         """
-        if pair.scale > self.tuning.unlike.quiet_scale:
+        if pair.scale > self.tuning.unlike.quiet_scale or self.evening.matters(views):
             pair = self.make_alike(views, planes, pair)
         clock.lap('even out', pair)
         return pair
@@ -653,7 +655,7 @@ class SurfaceMethod:
         search: see `search_again`.
 
         """
-        evening = self.evening
+        evening = self.evening_in_force
         if self.brightness.active:
             if max(pair.scale, self.brightness.scale) < self.tuning.brightness.unlike_scale:
                 evening = self.careful_evening
@@ -668,7 +670,12 @@ class SurfaceMethod:
             if size >= 1:
                 pair = self.search_again(views, planes, search)
                 continue
-            return self.measured_anew(views, planes)
+            pair = self.measured_anew(views, planes)
+            if evening.matters(views):  # planes have taken a part of the difference
+                pair = self.fitted_anew(views, planes)
+                if evening.improve(views, planes)[0]:
+                    pair = self.measured_anew(views, planes)
+            break
         return pair
 
     def blur_explains_rivals(self, views):
@@ -680,7 +687,7 @@ class SurfaceMethod:
 
         """
         tuning = self.tuning
-        if not self.evening.on or self.rival_share > tuning.repetition.sure_share:
+        if not self.evening_in_force.on or self.rival_share > tuning.repetition.sure_share:
             return False
         kept = views.copied()
         search = self.coarse.search  # not `seeds`, which asks this
@@ -701,8 +708,12 @@ class SurfaceMethod:
         alike may show colors that never come again.
 
         """
-        neutral = PairModel.neutral(views)
         planes.seed((search or self.seeds)(views))
+        return self.fitted_anew(views, planes)
+
+    def fitted_anew(self, views, planes):
+        """Fit the planes to views that have changed; return the PairModel."""
+        neutral = PairModel.neutral(views)
         linearized = self.linearize(views, planes, neutral, planes.tiles)
         self.least_squares.fit(linearized, views, planes, neutral, planes.tiles, turn=0)
         return self.measured_anew(views, planes)
@@ -726,7 +737,8 @@ class SurfaceMethod:
         if self.settings.matching.refinements > 1 and self.in_force.planes.full_rounds > 1:
             lines = sampled_lines(self.tuning.pair)
         self.linearize(views, planes, pair, planes.tiles, False, lines)
-        pair = pair.measured(views, planes, self.match_colors, self.tuning)
+        match_colors = self.settings.matching.color_matching and self.in_force.pair.color_matching
+        pair = pair.measured(views, planes, match_colors, self.tuning)
         self.brightness.measure(views)
         return pair
 

@@ -412,6 +412,13 @@ class UnlikeTuning(Constants):
         0.35, '1', 'Noise scale (`PairModel.scale`) up to which no difference is looked for.',
         chosen('Clean pairs have .2 to .3; a blur of sigma 2 px has 27, bands of +-20 % have 1.2. '
                'Saves .001 to .002 s.'))
+    steep_slope: float = constant(
+        0.3, '1 per node', 'Median slope of the colors along the rows below which small '
+        'differences of the cameras are looked for, too.',
+        chosen('The default pattern has .38 to .59 on nine scenes, 13 cycles of a sine have .2.'))
+    slope_step: int = constant(
+        8, 'nodes', 'Distance of the rows that tell the slope.',
+        derived('Some 10 000 pairs of nodes.'))
     first_steps: tuple = constant(
         (16, 4), 'nodes', 'Rows and columns between the nodes of the first look.',
         chosen('1200 nodes are left at 640 x 480, .001 s.'))
@@ -583,6 +590,10 @@ class UnlikeTuning(Constants):
         0.12, '1', 'Mean log gain below which the colors are left as they are.',
         chosen('Aperiodic colors in two dimensions are nearly immune, and `color_matrix` removes '
                'constant gains.'))
+    gentle_gain: float = constant(
+        0.01, '1', 'The same where the colors change slowly (`steep_slope`).',
+        chosen('16 sines: a gain of .025 that stays makes a median error of .1 px, without it '
+               '.006 px.'))
     large_gain: float = constant(
         0.15, '1', 'Mean log gain from which the search is repeated.',
         chosen('The search bears less without loss.'))
@@ -1298,8 +1309,8 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
     'unlike.common': Change(False, derived('Slow colors have no sharp edges.')),
     'unlike.quiet_scale': Change(0.0, derived(
         'Small gains do not show in the scale, but move colors in one dimension.')),
-    'unlike.least_gain': Change(0.01, chosen(
-        '16 sines: a gain of .025 that stays makes a median error of .1 px, without it .006 px.')),
+    'unlike.least_gain': Change(TUNING.unlike.gentle_gain, derived(
+        'Colors in one dimension: as `unlike.gentle_gain`.')),
     'views.dark_needs_black': Change(True, derived(
         'Channels that are never dark would lose a part of their light.')),
 }
@@ -1345,14 +1356,23 @@ def slow(radius):
 
 
 def detailed_tuning(tuning):
-    """Return how planes are fitted and judged where a pair shows detail in its brightness."""
-    if tuning.views.averaging_radius:  # those of slow colors
-        tuning = replace(tuning, planes=TUNING.planes, neighbors=TUNING.neighbors,
-                         trust=TUNING.trust, rows=TUNING.rows, bends=TUNING.bends,
-                         quality=TUNING.quality)
-    brightness = tuning.brightness
-    return replace(tuning, neighbors=replace(tuning.neighbors, inertia=brightness.inertia),
-                   unlike=replace(tuning.unlike, least_explained=brightness.least_explained))
+    """
+    Return how planes are fitted and judged where a pair shows detail in its brightness.
+
+    Detail then holds the planes, so that slow colors can be compared like others.
+
+    """
+    if tuning.views.averaging_radius:
+        usual = changed(TUNING, PERIODIC)
+        tuning = replace(tuning, **{name: getattr(usual, name) for name in (
+            'planes', 'neighbors', 'trust', 'rows', 'bends', 'quality', 'pair', 'unlike')})
+    return replace(tuning, neighbors=replace(tuning.neighbors, inertia=tuning.brightness.inertia))
+
+
+def careful_tuning(detailed):
+    """Return a tuning for detail whose colors are changed only if they explain much of it."""
+    return replace(detailed, unlike=replace(
+        detailed.unlike, least_explained=detailed.brightness.least_explained))
 
 
 def noise_correlation(radius):
