@@ -14,6 +14,7 @@ class ProjectorSearch(SearchBeside):
 
     def __init__(self):
         super().__init__()
+        self._chores = SearchBeside()  # no search waits until they are done
         self._prepared = None  # the model for which the pattern was blurred last
 
     def get_ready(self, settings, calibration):
@@ -29,8 +30,8 @@ class ProjectorSearch(SearchBeside):
         """
         if (calibration is not None and settings.matching.method == 'surface'
                 and allow_third_view(settings) and is_makable(settings.pattern)
-                and not self.busy):
-            self.begin(_get_ready, settings.pattern, calibration.geometry)
+                and not self._chores.busy):
+            self._chores.begin(_get_ready, settings.pattern, calibration.geometry)
 
     def look(self, stereo, result):
         """
@@ -48,9 +49,9 @@ class ProjectorSearch(SearchBeside):
             return
         if track.due:
             self.begin(_search, stereo, result)
-        elif track.prepared is not self._prepared:
+        elif track.prepared is not self._prepared and not self._chores.busy:
             self._prepared = track.prepared
-            self.begin(give_back)  # blurring the pattern has needed much
+            self._chores.begin(give_back)  # blurring the pattern has needed much
 
 
 def _get_ready(pattern, geometry):
