@@ -8,6 +8,8 @@ ON_ALL_CORES := --numprocesses auto --maxprocesses 4 --dist loadfile
 
 # Nothing that runs here is meant to be seen by, or to see, another machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+# Hundreds of processes are started, and each would compile all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help demo quick test proof bench evaluate floor tables clean
 

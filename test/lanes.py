@@ -185,12 +185,16 @@ def imports_inside(path, name):
 @lru_cache(maxsize=None)
 def names_in(path, name):
     """Return the names that a definition uses, arguments and names of fixtures included."""
-    node = definitions(path)[name]
-    return {inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name)} | {
-        inner.arg for inner in ast.walk(node) if isinstance(inner, ast.arg)} | {
-        inner.value for line in getattr(node, 'decorator_list', []) for inner in ast.walk(line)
-        if isinstance(inner, ast.Constant) and isinstance(inner.value, str)
-        and 'usefixtures' in ast.unparse(line)}
+    node, found = definitions(path)[name], set()
+    for inner in ast.walk(node):
+        if isinstance(inner, ast.Name):
+            found.add(inner.id)
+        elif isinstance(inner, ast.arg):
+            found.add(inner.arg)
+    return found | {
+        inner.value for line in getattr(node, 'decorator_list', [])
+        if 'usefixtures' in ast.unparse(line) for inner in ast.walk(line)
+        if isinstance(inner, ast.Constant) and isinstance(inner.value, str)}
 
 
 def keep_quick():

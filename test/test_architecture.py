@@ -6,9 +6,10 @@ from pathlib import Path
 import re
 import sys
 
+from lanes import tree_of
+
 PACKAGE = Path(__file__).parents[1] / 'color_stereo_ros'
-SOURCES = {path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding='utf-8'))
-           for path in sorted(PACKAGE.rglob('*.py'))}
+SOURCES = [path.relative_to(PACKAGE).as_posix() for path in sorted(PACKAGE.rglob('*.py'))]
 
 # Each room: the rooms that its modules import from, besides their own.
 DOORS = {
@@ -83,6 +84,11 @@ ENCODING = re.compile(r'(rgb8|bgr8|rgba8|bgra8|mono8|mono16|32FC1|16UC1|bayer_.*
 ENCODING_ROOMS = {'messages', 'parameters', 'recordings', 'nodes', 'bench', 'demo'}
 
 
+def tree(name):
+    """Return the syntax tree of a module; read when a test asks, not when tests are collected."""
+    return tree_of(PACKAGE / name)
+
+
 def dotted(name):
     """Return the name of a module below the package: core/settings/__init__.py, core.settings."""
     return name.removesuffix('.py').removesuffix('__init__').replace('/', '.').strip('.')
@@ -100,7 +106,7 @@ def imports(name, module_level_only=False):
 
     """
     package = dotted(name) if name.endswith('__init__.py') else dotted(name).rpartition('.')[0]
-    nodes = SOURCES[name].body if module_level_only else ast.walk(SOURCES[name])
+    nodes = tree(name).body if module_level_only else ast.walk(tree(name))
     for node in nodes:
         if isinstance(node, ast.Import):
             yield from ((ours(alias.name), None) for alias in node.names)
@@ -160,7 +166,7 @@ def in_rooms(*rooms):
 
 def texts(name):
     """Return all strings of a module."""
-    return {node.value for node in ast.walk(SOURCES[name])
+    return {node.value for node in ast.walk(tree(name))
             if isinstance(node, ast.Constant) and isinstance(node.value, str)}
 
 
@@ -268,7 +274,7 @@ def test_kernels_know_arrays_only():
 def test_kernels_never_assume_that_there_is_no_nan():
     # a kernel module may import the name of its flags from another
     constants = {node.targets[0].id: node.value
-                 for module in (*KERNELS, *COMPILED) for node in SOURCES[module].body
+                 for module in (*KERNELS, *COMPILED) for node in tree(module).body
                  if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)}
 
     def flags_of(value):
@@ -277,7 +283,7 @@ def test_kernels_never_assume_that_there_is_no_nan():
         return set() if value is None else set(ast.literal_eval(value) or ())
 
     assert breaches((*KERNELS, *COMPILED), lambda name: set().union(*(
-        flags_of(node.value) for node in ast.walk(SOURCES[name])
+        flags_of(node.value) for node in ast.walk(tree(name))
         if isinstance(node, ast.keyword) and node.arg == 'fastmath')) - NAN_SAFE) == {}
 
 
@@ -294,11 +300,11 @@ def test_one_module_knows_bayer_patterns():
 
 def test_every_module_and_public_name_has_a_docstring():
     def without(name):
-        tree = SOURCES[name]
-        public = [node for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))
+        body = tree(name).body
+        public = [node for node in body if isinstance(node, (ast.FunctionDef, ast.ClassDef))
                   and not node.name.startswith('_')]
-        return {getattr(node, 'name', 'module') for node in (tree, *public)
-                if tree.body and not ast.get_docstring(node)}
+        return {getattr(node, 'name', 'module') for node in (tree(name), *public)
+                if body and not ast.get_docstring(node)}
 
     assert breaches(SOURCES, without) == {}
 

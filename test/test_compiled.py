@@ -23,6 +23,9 @@ PACKAGE = FOLDER.parent / 'color_stereo_ros'
 CACHE = FOLDER.parent / '.numba_cache' / 'broken'
 """Kept from run to run, apart from the usual one: what is there need not be compiled."""
 
+SETTINGS = {'matching__third_view': 'off', 'matching__row_alignment': 'off'}
+"""Half of the kernels: what compiles them does not know what they are for."""
+
 BREAK = '''
 import sys
 import numba
@@ -40,13 +43,13 @@ def changed(place, name):
         return function(*args, **options)
     setattr(place, name, refusing)
 '''
-MEASURE = '''
+MEASURE = f'''
 import sys
 import numpy as np
 from surface_pairs import plane_pair, rig, surface_settings
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.compiled import decorators, plain
-sensor = ColorStereo(rig(160, 96), surface_settings(4, 40, matching__third_view='off'))
+sensor = ColorStereo(rig(160, 96), surface_settings(4, 40, **{SETTINGS}))
 result = sensor.process(*plane_pair(160, 96, 12.25))
 np.savez(sys.argv[1], disparity=result.disparity, status=result.status)
 print(decorators._WAY.chosen is plain)
@@ -93,7 +96,7 @@ def run(code, *args, **environment):
 @pytest.fixture(scope='module')
 def usual():
     """Return the result of the same pair as compiled the fast way."""
-    settings = surface_settings(4, 40, matching__third_view='off')  # half of the kernels
+    settings = surface_settings(4, 40, **SETTINGS)
     return ColorStereo(rig(160, 96), settings).process(*plane_pair(160, 96, 12.25))
 
 

@@ -13,7 +13,7 @@ import threading
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
-from color_stereo_ros.core import account, Alignment, RecordingError, Settings
+from color_stereo_ros.core import account, Alignment, RecordingError, Settings, trackers
 from color_stereo_ros.core.doubts import Doubts
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.files.cloud import save_cloud
@@ -23,6 +23,7 @@ from color_stereo_ros.messages.synchronizer import Pair
 from color_stereo_ros.nodes import domains
 from color_stereo_ros.nodes.complaints import Complaints
 from color_stereo_ros.nodes.environment import defaults, fast_dds_is_known, LOCAL_PROFILE, PROFILE
+from color_stereo_ros.nodes.sensor import memory, projector_search
 from color_stereo_ros.nodes.sensor import worker as worker_module
 from color_stereo_ros.nodes.sensor.outputs import Outputs
 from color_stereo_ros.nodes.sensor.worker import Setup, Worker
@@ -333,6 +334,72 @@ def test_a_worker_can_be_stopped_before_it_has_started(work):
     worker = Worker(Setup(None, RangeNodeSettings()), print, print, Log(), print)
     worker.stop()
     assert worker.dropped == 0
+
+
+@pytest.mark.parametrize('changes, known, made', [
+    ({}, True, True), ({}, False, False), (PAPER, True, False),
+    ({'matching.third_view': 'off'}, True, False), ({'pattern.type': 'unknown'}, True, False)])
+def test_the_features_of_the_pattern_are_made_before_the_first_pair(
+        changes, known, made, monkeypatch):
+    asked, done = [], threading.Event()
+    monkeypatch.setattr(projector_search, 'tracker_of', lambda *given: asked.append(given))
+    monkeypatch.setattr(projector_search, 'give_back', done.set)
+    core = Settings().updated(changes)
+    settings = replace(RangeNodeSettings(), matching=core.matching, pattern=core.pattern)
+    rig = calibration() if known else None
+    Worker(Setup(None, settings), print, print, Log(), print).configure(Setup(rig, settings))
+    assert done.wait(10.0 if made else 0.0) == made
+    assert [pattern for pattern, _ in asked] == [core.pattern] * made
+
+
+def test_a_first_search_waits_for_the_features_that_another_thread_makes(monkeypatch):
+    begun, go, made = threading.Event(), threading.Event(), []
+
+    def slow(settings):
+        begun.set()
+        go.wait(10.0)
+        made.append(settings)
+        return np.zeros((48, 64, 3), np.uint8)
+
+    monkeypatch.setattr(trackers, 'make_pattern', slow)
+    asked = Settings().updated({'pattern.seed': 4711}).pattern, calibration().geometry
+    found = [None, None]
+
+    def ask(place):
+        found[place] = trackers.tracker_of(*asked)
+
+    threads = [threading.Thread(target=ask, args=(place,)) for place in range(2)]
+    for thread in threads:
+        thread.start()
+    assert begun.wait(10.0)
+    go.set()
+    for thread in threads:
+        thread.join()
+    assert found[0] is found[1] is not None and len(made) == 1
+
+
+def test_free_memory_goes_back_to_the_system():
+    blocks = [b'x' * 65536 for _ in range(1000)]
+    kept = blocks[::50]  # the allocator gives back only what is free at its end
+    del blocks
+    before = resident()
+    memory.give_back()
+    assert before - resident() > 40 * 2 ** 20 and len(kept) == 20
+
+
+def resident():
+    """Return the resident memory of this process, bytes."""
+    pages = int(Path('/proc/self/statm').read_text().split()[1])
+    return pages * os.sysconf('SC_PAGE_SIZE')
+
+
+@pytest.mark.parametrize('library', [OSError, TypeError, AttributeError])
+def test_another_c_library_keeps_its_memory(library, monkeypatch):
+    def load(name):
+        raise library('none')
+
+    monkeypatch.setattr(memory.ctypes, 'CDLL', load)
+    memory.give_back()
 
 
 class Helper:

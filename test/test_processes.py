@@ -111,7 +111,7 @@ def test_without_a_folder_for_compiled_kernels_one_line_says_so(nowhere, use):
 def test_a_node_without_a_folder_for_compiled_kernels_says_so_and_goes_on(nowhere, tmp_path):
     package, environment = nowhere
     environment = {**os.environ, **environment, 'PYTHONPATH': str(package),
-                   'ROS_LOG_DIR': str(tmp_path / 'log'),
+                   'ROS_LOG_DIR': str(tmp_path / 'log'), 'NUMBA_OPT': '0',
                    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     del environment['NUMBA_CACHE_DIR']
     said = []

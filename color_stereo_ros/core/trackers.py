@@ -2,12 +2,15 @@
 """The tracker of the projector for a pattern: made when a pair needs it, kept for others."""
 
 from functools import lru_cache
+from threading import Lock
 
 from ..errors import SettingsError
 from .patterns.making import check_pattern, make_pattern
 from .patterns.registry import PATTERNS
 from .projector.finding import ProjectorFinder
 from .projector.tracking import ProjectorTracker
+
+_MAKING = Lock()
 
 
 def is_makable(settings):
@@ -23,7 +26,8 @@ def tracker_of(settings, geometry):
     """
     Return what follows the projector that shows a pattern.
 
-    The pattern and its features take part of a second. The last two are kept.
+    The pattern and its features take part of a second. The last two are kept. Who asks while
+    another thread makes the same waits for it.
 
     Parameters
     ----------
@@ -35,7 +39,8 @@ def tracker_of(settings, geometry):
     tracker : ProjectorTracker
 
     """
-    return _made(settings, PATTERNS[settings.type], (geometry.width, geometry.height))
+    with _MAKING:
+        return _made(settings, PATTERNS[settings.type], (geometry.width, geometry.height))
 
 
 @lru_cache(maxsize=2)

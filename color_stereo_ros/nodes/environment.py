@@ -6,14 +6,15 @@ import os
 from pathlib import Path
 import threading
 
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # malloc.h
 
 PROFILE = Path(__file__).with_name('fast_dds.xml')
 LOCAL_PROFILE = Path(__file__).with_name('fast_dds_localhost.xml')
 
 _TRANSPORT_CHOICES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE',
                       'FASTDDS_BUILTIN_TRANSPORTS')
-_MEMORY_CHOICES = 'MALLOC_MMAP_THRESHOLD_', 'MALLOC_TRIM_THRESHOLD_', 'GLIBC_TUNABLES'
+_MEMORY_CHOICES = ('MALLOC_MMAP_THRESHOLD_', 'MALLOC_TRIM_THRESHOLD_', 'MALLOC_ARENA_MAX',
+                   'GLIBC_TUNABLES')
 _FOUND_PROFILE = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it from the working directory
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
@@ -96,15 +97,17 @@ def keep_freed_memory():
     Let the C library keep what is freed, up to 64 MB, for the next pair.
 
     A result has 6 MB. Given back to the system and taken anew for every pair, its pages cost as
-    much as a stage of the measurement. Where the library is not glibc, or the environment tunes
-    it already, nothing happens.
+    much as a stage of the measurement. All threads take from the same memory: otherwise each would
+    keep what it has freed for itself. Where the library is not glibc, or the environment tunes it
+    already, nothing happens.
 
     """
     if any(name in os.environ for name in _MEMORY_CHOICES):
         return
     try:
         library = ctypes.CDLL(None)
-        for option, size in ((_M_MMAP_THRESHOLD, 32 << 20), (_M_TRIM_THRESHOLD, 64 << 20)):
-            library.mallopt(option, size)
+        for option, value in ((_M_MMAP_THRESHOLD, 32 << 20), (_M_TRIM_THRESHOLD, 64 << 20),
+                              (_M_ARENA_MAX, 1)):
+            library.mallopt(option, value)
     except (OSError, AttributeError):
         pass

@@ -174,7 +174,9 @@ def nearest(one, other):
     if len(one) < 1 or len(other) < 2:
         return np.zeros((2, 0), int)
     # |a - b|^2 = a.a + b.b - 2 a.b: a product of matrices is faster than the loops of a matcher
-    apart = np.einsum('ij,ij->i', other, other) - 2 * (one @ other.T)
+    apart = one @ other.T
+    apart *= -2
+    apart += np.einsum('ij,ij->i', other, other)
     rows = np.arange(len(one))
     best = np.argmin(apart, axis=1)
     own = np.einsum('ij,ij->i', one, one)

@@ -80,7 +80,7 @@ class ProjectorFinder:
     def __init__(self, pattern, size):
         """Compute the features of the pattern and warm the kernel."""
         warm()
-        self.pattern, self.light = pattern, pattern.astype(np.float32)
+        self.pattern = pattern
         self.size = pattern.shape[1], pattern.shape[0]
         self.features = PatternFeatures(pattern, size)
 
@@ -244,7 +244,7 @@ class ProjectorFinder:
         blurs = np.array(TUNING.find.blurs)
 
         def share(at):
-            return placed(model, measured, chromatic(self.light, blurs[at] * per_pixel), some)[2]
+            return placed(model, measured, chromatic(self.pattern, blurs[at] * per_pixel), some)[2]
 
         first = max(near - 1, 0)
         shares = until_it_falls(share, range(first, len(blurs)))
@@ -255,7 +255,7 @@ class ProjectorFinder:
         if 0 < best < len(shares) - 1:
             around = np.log(blurs[first + best - 1:first + best + 2])
             blur = np.exp(vertex(around, shares[best - 1:best + 2]))
-        return (float(blur * per_pixel), chromatic(self.light, blur * per_pixel), first + best)
+        return (float(blur * per_pixel), chromatic(self.pattern, blur * per_pixel), first + best)
 
     def _freer(self, found, evidence, prior):
         """Return a fit whose lens distorts or whose pixels are not square if evidence asks."""

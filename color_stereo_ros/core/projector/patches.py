@@ -231,11 +231,12 @@ def chromatic(pattern, blur):
 
     """
     blur = max(blur, TUNING.patches.least_blur)
-    light = cv2.GaussianBlur(pattern.astype(np.float32, copy=False), (0, 0), blur)
-    r, g, b = cv2.split(light)
+    r, g, b = cv2.split(cv2.GaussianBlur(pattern.astype(np.float32, copy=False), (0, 0), blur))
     share = 1 / (r + g + b + np.float32(TUNING.patches.dark))
-    return np.ascontiguousarray(np.dstack([(r - g) * share,
-                                           (b - np.float32(0.5) * (r + g)) * share]))
+    colors = np.empty((*share.shape, 2), np.float32)
+    np.multiply(r - g, share, out=colors[..., 0])
+    np.multiply(b - np.float32(0.5) * (r + g), share, out=colors[..., 1])
+    return colors
 
 
 def affines(model, places):

@@ -54,7 +54,7 @@ from .rows import RowTracker
 from .shared import SharedErrors
 from .steps import Steps
 from .texture import colors_of, colors_show, detail, TextureSearch
-from .third.following import Follower
+from .third.following import allow_third_view, Follower
 from .third.view import ThirdView
 from .trust import Trust
 from .tuning import careful_tuning, detailed_tuning, tuning_for
@@ -223,9 +223,7 @@ class SurfaceMethod:
     @property
     def may_use_projector(self):
         """Return whether settings and pattern allow a third view."""
-        matching = self.settings.matching
-        return (matching.third_view != 'off' and self.expectation.aperiodic
-                and matching.refinements > 0)
+        return allow_third_view(self.settings)
 
     def of_two(self, verdict, lines=None):
         """Return what two cameras measure; lines: the rows of pixels, int64 (N,), None = all."""

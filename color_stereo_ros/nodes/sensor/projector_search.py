@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search for the projector in a thread of its own, while two views measure."""
 
+from ...core.surface.third.following import allow_third_view
+from ...core.trackers import is_makable, tracker_of
+from .memory import give_back
 from .search_beside import SearchBeside
 
 
@@ -8,6 +11,27 @@ class ProjectorSearch(SearchBeside):
     """Searches a pair that does not show the projector where it is expected."""
 
     NAME = 'projector search'
+
+    def __init__(self):
+        super().__init__()
+        self._chores = SearchBeside()  # no search waits until they are done
+        self._prepared = None  # the model for which the pattern was blurred last
+
+    def get_ready(self, settings, calibration):
+        """
+        Begin to compute the features of the pattern, so that the first search need not.
+
+        Parameters
+        ----------
+        settings : Settings
+        calibration : StereoCalibration or None
+            Of the pairs that will come.
+
+        """
+        if (calibration is not None and settings.matching.method == 'surface'
+                and allow_third_view(settings) and is_makable(settings.pattern)
+                and not self._chores.busy):
+            self._chores.begin(_get_ready, settings.pattern, calibration.geometry)
 
     def look(self, stereo, result):
         """
@@ -20,12 +44,23 @@ class ProjectorSearch(SearchBeside):
             Holds images of its own.
 
         """
-        if result.projector is None or not result.projector.due or self.busy:
+        track = result.projector
+        if track is None or self.busy:
             return
-        self.begin(_search, stereo, result)
+        if track.due:
+            self.begin(_search, stereo, result)
+        elif track.prepared is not self._prepared and not self._chores.busy:
+            self._prepared = track.prepared
+            self._chores.begin(give_back)  # blurring the pattern has needed much
+
+
+def _get_ready(pattern, geometry):
+    tracker_of(pattern, geometry)
+    give_back()
 
 
 def _search(stereo, result):
     found = stereo.search_projector(result)
     if not stereo.projector.agreeing:  # else it was dark for a moment, and is where it was
         stereo.adopt_projector(found)
+    give_back()

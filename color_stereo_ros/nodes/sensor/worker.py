@@ -20,6 +20,7 @@ from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
 from ..complaints import Complaints
 from ..environment import name_thread
+from .memory import give_back
 from .projector_search import ProjectorSearch
 from .row_search import RowSearch
 
@@ -149,6 +150,7 @@ class Worker:
     def configure(self, setup):
         """Use another calibration or other settings from the next pair on."""
         self._wanted = setup
+        self._projector.get_ready(setup.settings.core, setup.calibration)
         self._slot.wake()
 
     def submit(self, pair):
@@ -189,6 +191,8 @@ class Worker:
             pass  # limits that do not fit this rig may fit the real one
         finally:
             self._end_helper()
+            stereo = None
+            give_back()
         if self._slot.closed:
             return
         self.state = 'ready'

@@ -6,12 +6,25 @@ import math
 
 import numpy as np
 
+from ...patterns.expectation import Expectation
 from ...projector.patches import Measured, warm
 from ...projector.tracking import aged, missed, Track
 from ...status import Status
 from ...status_codes import VALID
 from .sweep import prepared_for
 from .tuning import TUNING
+
+
+def allow_third_view(settings):
+    """
+    Return whether Settings of the surface method allow the projector as a third view.
+
+    The pattern must not repeat; whether it can be made is another question.
+
+    """
+    matching = settings.matching
+    return (matching.third_view != 'off' and matching.refinements > 0
+            and Expectation.of(settings.pattern).aperiodic)
 
 
 class Follower:

@@ -61,8 +61,8 @@ class Projected:
         self.sweep = sweep.astype(F4)
         self.scale = magnification(sweep, geometry, middle)
         self.per_disparity = places_per_disparity(sweep, geometry, middle) / self.scale
-        self.light = straightened(pattern, model)
-        self.size = np.array(self.light.shape[:2])
+        self.pattern, self.lens = pattern, model
+        self.size = np.array(pattern.shape[:2])
         self.variance, self.step = variance + TUNING.use.lens_variance, step
         self.made, self.spreads = {}, {}
 
@@ -102,14 +102,17 @@ class Projected:
         if level not in self.made:
             variance = self.variance + TUNING.color.blurs[level] ** 2
             wide = variance + (self.step / 4 * TUNING.search.blur) ** 2
-            image, coarse_image = (cv2.GaussianBlur(
-                self.light, (0, 0), self.scale * float(np.sqrt(each)))
-                for each in (variance, wide))
             thin = max(1, int(self.scale * np.sqrt(wide) / TUNING.search.detail))
-            coarse_image = thinned(coarse_image, thin)
+            light = straightened(self.pattern, self.lens)  # large: not kept
+            image = packed(self.smooth(light, variance))
+            coarse_image = thinned(self.smooth(light, wide), thin)
             self.made[level] = BlurredPattern(
-                packed(image), packed(coarse_image).reshape(coarse_image.shape[:2]), thin)
+                image, packed(coarse_image).reshape(coarse_image.shape[:2]), thin)
         return self.made[level]
+
+    def smooth(self, light, variance):
+        """Return light of the pattern blurred by a variance, px^2 of the left image."""
+        return cv2.GaussianBlur(light, (0, 0), self.scale * float(np.sqrt(variance)))
 
     def inside(self, u, v):
         """Return which places lie inside the pattern and not at its border, bool."""

@@ -172,8 +172,9 @@ def geometry_variance(model, geometry, d):
 
 
 def packed(light):
-    """Return light 0..1, float (H, W, 3), in the bytes of uint32 (H W,)."""
-    pixels = cv2.convertScaleAbs(np.maximum(light, 0), alpha=1 / TUNING.sweep.unit)
+    """Return light 0..1, float (H, W, 3), in the bytes of uint32 (H W,); light < 0 becomes 0."""
+    np.maximum(light, 0, out=light)
+    pixels = cv2.convertScaleAbs(light, alpha=1 / TUNING.sweep.unit)
     return cv2.merge([*cv2.split(pixels), np.zeros(pixels.shape[:2], np.uint8)]).view(
         np.uint32).reshape(-1)
 
