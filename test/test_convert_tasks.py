@@ -235,6 +235,25 @@ def test_the_memory_of_a_worker_does_not_grow_with_the_pairs(tmp_path, effort, f
             over=count, at_most=10.0)
 
 
+def test_an_interrupt_of_all_processes_is_one_line(tmp_path):
+    pair = hue_pair(8)
+    with write_recording(tmp_path / 'long') as writer:
+        for index in range(20 * tasks.PAIRS):
+            writer.write_pair((1 + index) * SECOND, *pair, parallel_rig())
+    with subprocess.Popen(
+            [sys.executable, '-m', 'color_stereo_ros.cli.main', 'convert',
+             str(tmp_path / 'long'), str(tmp_path / 'result'), *PAPER, '--workers', '2'],
+            start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            text=True) as process:
+        end = time.monotonic() + 60
+        while not measuring(process.pid) and time.monotonic() < end:
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        said = process.communicate(timeout=60)[1]
+    assert process.returncode == cli.INTERRUPTED
+    assert 'Traceback' not in said and said.rstrip().endswith('color_stereo: interrupted')
+
+
 @contextmanager
 def cluster(folder, machines):
     """Start a scheduler and workers with folders of their own; yield its address and them."""
@@ -316,6 +335,16 @@ def test_impossible_workers_are_refused(tmp_path, cards, capsys, words, said):
     assert cli.main(['convert', str(cards), str(tmp_path / 'result'), *PAPER, *words])
     assert said in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('command', ['convert', 'export', 'view'])
+def test_a_place_that_takes_no_result_is_told_before_the_work(cards, capsys, command):
+    place = '/proc/results'  # nobody may write there, not even root
+    words = [place] if command != 'view' else ['--html', place]
+    assert cli.main([command, str(cards), *words, *PAPER[:8]]) == cli.FAILURE
+    said = capsys.readouterr().err
+    assert said.startswith(f'color_stereo: {place}: ') and said.count('\n') == 1
+    assert 'color_stereo_' not in said
 
 
 @pytest.mark.parametrize('command', ['convert', 'export'])

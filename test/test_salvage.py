@@ -106,13 +106,21 @@ def test_a_damaged_recording_is_converted_as_far_as_it_can_be_read(tmp_path, who
     assert cli.main(['convert', str(whole), str(tmp_path / 'all'), *PAPER]) == 0
     capsys.readouterr()
     assert cli.main(['convert', str(bag), str(tmp_path / 'some'), *PAPER]) == cli.PARTLY
-    said = capsys.readouterr().err
-    assert 'read is what is whole' in said and 'Traceback' not in said
+    out, said = capsys.readouterr()
+    assert said.count('read is what is whole') == 1 and 'Traceback' not in said
+    assert said.count(str(bag)) == 1 and 'a damaged recording' in out
     with Recording(tmp_path / 'all') as one, Recording(tmp_path / 'some') as other:
         some = values(other)
         assert COUNT / 4 < len(some) < COUNT
         expected = values(one)
         assert all(expected[time] == data for time, data in some.items())
+
+
+def test_a_page_of_a_damaged_recording_has_the_status_of_one(tmp_path, whole, capsys):
+    bag = copy(whole, tmp_path / 'bag', lambda content: content[:len(content) // 2])
+    page = tmp_path / 'page.html'
+    assert cli.main(['view', str(bag), '--html', str(page), *PAPER[:-2]]) == cli.PARTLY
+    assert page.stat().st_size and capsys.readouterr().err.count('read is what is whole') == 1
 
 
 def values(recording):

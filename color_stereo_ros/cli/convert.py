@@ -73,8 +73,8 @@ def work_of(args):
 
 def told(result, conversion):
     """Print how a conversion went; return PARTLY if something was refused."""
-    from .recorded import warn_of_losses
+    from .recorded import damaged, warn_of_losses
     plan, tally = conversion.plan, conversion.tally
     print(f'{result}: {tally.measured} pairs measured, {tally.failed} refused, '
-          f'{plan.unpaired} images without partner or calibration')
-    return warn_of_losses(conversion.path, tally, plan, conversion.loss)
+          f'{plan.unpaired} images without partner or calibration{damaged(conversion.loss)}')
+    return warn_of_losses(tally, plan, conversion.loss)

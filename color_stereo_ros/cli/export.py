@@ -34,6 +34,7 @@ def run(args):
     """Export the recording of the command line; return PARTLY if something was refused."""
     from pathlib import Path
 
+    from ..files.atomic import check_folder
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.exporting import Export
     from ..recordings.reading import open_readable
@@ -42,6 +43,7 @@ def run(args):
     from .progress import Progress
     from .recorded import check_apart, topics_of
     settings, wanted = settings_from(args, RangeNodeSettings()), wanted_by(args)
+    check_folder(args.folder)
     if Path(args.recording).is_dir():
         check_apart(args.recording, args.folder)
     with open_readable(args.recording, warn) as recording:
@@ -69,8 +71,9 @@ def wanted_by(args):
 
 def told(args, export, loss):
     """Print how an export went; return PARTLY if something was refused."""
-    from .recorded import warn_of_losses
+    from .recorded import damaged, warn_of_losses
     plan, sensor = export.plan, export.sensor
     print(f'{args.folder}: {export.files} files of {sensor.measured} pairs, {sensor.failed} '
-          f'refused; the recording has {len(plan.rows)} pairs')
-    return warn_of_losses(args.recording, sensor, plan, loss)
+          f'refused; the recording has {len(plan.rows)} pairs'
+          f'{damaged(loss)}')
+    return warn_of_losses(sensor, plan, loss)

@@ -41,6 +41,11 @@ def check_apart(recording, result):
                             'folder for the result')
 
 
+def damaged(loss):
+    """Return what the last line of a command says of a damaged recording, or nothing."""
+    return '; a damaged recording, read as far as it is whole' if loss else ''
+
+
 def named_topics(args):
     """Return the StereoTopics that a command line names; None where it names none."""
     from ..recordings.topics import StereoTopics
@@ -53,14 +58,12 @@ def topics_of(args, recording, settings):
                                    settings.input.transport == 'compressed')
 
 
-def warn_of_losses(path, fared, plan, loss):
+def warn_of_losses(fared, plan, loss):
     """
-    Warn of what was refused or cannot be read.
+    Warn of what was refused; what cannot be read was told when it was found.
 
     Parameters
     ----------
-    path : path-like
-        The recording.
     fared : Tally or PairSensor
         How many pairs failed, and why the first one did.
     plan : Plan
@@ -78,6 +81,4 @@ def warn_of_losses(path, fared, plan, loss):
         warn(f'{fared.failed} pairs refused; the first: {fared.first_failure}')
     if plan.refusals:
         warn(f'{plan.refusals}; the first: {plan.refusals.first}')
-    if loss:
-        warn(f'{path} is damaged: {loss}')
     return PARTLY if fared.failed or plan.refusals or loss else None

@@ -9,6 +9,7 @@ from uuid import uuid4
 from .. import __version__
 from ..core.settings import flat, updated
 from ..errors import RecordingError
+from ..files.atomic import check_place
 from ..parameters.files import settings_text
 from .engine import run_tasks
 from .parts import Parts
@@ -103,6 +104,7 @@ class Conversion:
     def __init__(self, recording, result, topics, settings, outputs=None, namespace=None,
                  work=Work()):
         check_writable(result, work.overwrite)
+        check_place(result)
         self._recording, self._result, self._topics = recording, Path(result), topics
         files = {name: str(Path(flat(settings)[name]).resolve())
                  for name in FILES if flat(settings)[name]}
@@ -111,6 +113,8 @@ class Conversion:
         self._namespace = (topics.common_namespace if namespace is None
                            else f'/{namespace}/'.replace('//', '/'))
         self._parts = Parts(self._result.resolve())
+        if not (work.resume or work.restart):
+            self._parts.check_none()
         self.plan = None
         """The Plan, once it is made."""
         self.tally = Tally()
@@ -153,8 +157,6 @@ class Conversion:
                                 self.plan.calibrations, resume=self._work.resume):
             try:
                 self._measure(tasks, Teller(say), tick)
-            except OSError as error:
-                raise OSError(error.errno, error.strerror, str(self._result)) from error
             except BaseException:
                 if kept := len(self._parts.done()):
                     say(f'{kept} of {len(tasks)} parts are done and kept; the same command with '

@@ -193,14 +193,12 @@ class Export:
 
     def _shots(self, say, tick):
         """Yield index and Shot of each chosen pair that could be measured."""
-        now = [0]
-        self.sensor = PairSensor(self._topics, self._settings, say, lambda: now[0] * 1e-9)
+        self.sensor = PairSensor(self._topics, self._settings, say)
         silent = PairSensor(self._topics, self._settings, lambda text: None)
         measured = TaskStereo(self._topics, self._settings, self.plan.calibrations.__getitem__)
         for task, places in self.passes():
             stereo = measured.before(self._recording, task)
             for place, pair in enumerate(measured.pairs(self._recording, task.rows)):
-                now[0] = pair.recorded
                 sensor = self.sensor if place in places else silent
                 result = sensor.measure(stereo, pair)
                 if result is not None and place in places:

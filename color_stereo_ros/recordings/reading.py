@@ -216,8 +216,13 @@ def open_readable(path, say):
         if 'metadata.yaml' in str(error) or not is_salvageable(path):
             raise
         recording = Recording(path, salvaged=True)
-        say(f'{error}; read is what is whole: {recording.loss}')
+        say(loss_told(error, recording))
         return recording
+
+
+def loss_told(error, recording):
+    """Return an error and what it costs as one sentence."""
+    return f'{error}; read is what is whole: {recording.loss}'
 
 
 def _damage(error):

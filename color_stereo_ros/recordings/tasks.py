@@ -20,6 +20,7 @@ from ..core import StereoCalibration
 from ..errors import RecordingError
 from ..messages.reading import stamp_ns
 from .pairing import FoundPair, Pairing, Places, Taken
+from .reading import loss_told
 from .salvage import is_salvageable
 
 PAIRS = 64
@@ -115,7 +116,7 @@ def readable_plan(recording, topics, settings, say, tick=lambda message: None):
         if recording.loss is not None or not is_salvageable(recording.path):
             raise
         recording.salvage()
-        say(f'{error}; read is what is whole: {recording.loss}')
+        say(loss_told(error, recording))
         plan = plan_of(recording, topics, settings, say, tick)
     if not len(plan.rows):
         raise RecordingError(f'{recording.path}: no pair could be measured: {plan.reason}')

@@ -114,8 +114,8 @@ class Worker:
 
     def measure(self, task, tick):
         """Measure a task, see `measure_task`."""
-        said, now = [], [0]
-        sensor = PairSensor(self._topics, self._settings, said.append, lambda: now[0] * 1e-9)
+        said = []
+        sensor = PairSensor(self._topics, self._settings, said.append)
         with Recording(self._run.recording, self._run.salvaged) as recording, \
                 folder_written_whole(self._folder / part_name(task.index), replace=True) as part:
             stereo = self._tasks.before(recording, task)
@@ -123,7 +123,6 @@ class Worker:
                 outputs = OutputWriter(writer, self._settings, self._run.outputs,
                                        self._run.namespace)
                 for pair in self._tasks.pairs(recording, task.rows):
-                    now[0] = pair.recorded
                     result = sensor.measure(stereo, pair)
                     if result is not None:
                         outputs.write(result, pair)
