@@ -2,6 +2,7 @@
 """`color_stereo convert` by tasks: the same result whoever works, and nothing is lost."""
 
 from contextlib import contextmanager
+import logging
 import os
 from pathlib import Path
 import shutil
@@ -15,11 +16,18 @@ import time
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import Settings
 from color_stereo_ros.core.settings import flat
+from color_stereo_ros.messages.contents import Header
+from color_stereo_ros.messages.outputs import Context, OUTPUTS
+from color_stereo_ros.messages.synchronizer import Pair
+from color_stereo_ros.messages.trimming import trimmed
+from color_stereo_ros.nodes.sensor import worker
 from color_stereo_ros.parameters.groups import RangeNodeSettings
 from color_stereo_ros.recordings import engine, tasks, working
+from color_stereo_ros.recordings.carrying import TaskStereo
 from color_stereo_ros.recordings.measuring import make_stereo
 from color_stereo_ros.recordings.pairing import Place, Places
 from color_stereo_ros.recordings.reading import Recording
+from color_stereo_ros.recordings.types import serialized
 from color_stereo_ros.recordings.writing import write_recording
 import numpy as np
 import projected
@@ -29,6 +37,7 @@ from scenes import hue_pair, parallel_rig
 SECOND = 1_000_000_000
 COUNT = 7
 FEW = 2  # pairs of a task here
+VALUES = 'points', 'depth/image', 'depth_std/image', 'confidence/image', 'status/image'
 PAPER = ['--matching.method', 'paper', '--pattern.type', 'sweep', '--color.smoothing', '0',
          '--range.min_depth', '0.4', '--range.max_depth', '3']
 
@@ -159,6 +168,66 @@ def test_the_first_task_gives_what_a_node_gives_that_has_just_started(tmp_path, 
     assert converted == depths
 
 
+def test_a_later_task_gives_what_a_node_gives_in_the_state_in_which_it_begins(tmp_path, lit, few,
+                                                                              monkeypatch):
+    options = [*surface_options(), '--topics', *VALUES, '--workers', '1']
+    assert cli.main(['convert', str(lit), str(tmp_path / 'tasks'), *options]) == 0
+    settings = RangeNodeSettings(**{name: getattr(settings_of(options), name)
+                                    for name in ('pattern', 'range')})
+    with Recording(lit) as recording:
+        topics = recording.stereo_topics()
+        plan = tasks.plan_of(recording, topics, settings, print)
+        carried = TaskStereo(topics, settings, plan.calibrations.__getitem__)
+        task = tasks.tasks_of(plan.rows, FEW)[2]
+        state = carried.before(recording, task)
+        pairs = list(carried.pairs(recording, task.rows))
+        alignment, projector, health = state.alignment, state.projector, state.health
+    assert projector is not None and len(task.warm_up) == 1
+
+    class Started(worker.ColorStereo):
+        """Begins in the state of a task."""
+
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            self.adopt(alignment)
+            self.adopt_projector(projector)
+            self.adopt_health(health)
+
+    monkeypatch.setattr(worker, 'ColorStereo', Started)
+    expected = measured_by_a_node(settings, pairs)
+    with Recording(tmp_path / 'tasks') as recording:
+        found = {(message.topic, message.time_ns): bytes(message.data)
+                 for message in recording.messages()}
+    assert len(expected) == len(VALUES) * FEW
+    assert [key for key in expected if found[key] != expected[key]] == []
+
+
+def measured_by_a_node(settings, pairs):
+    """Return topic and time to the bytes of what the thread of a node makes of FoundPairs."""
+    results, done = [], threading.Event()
+
+    def publish(result, *_):
+        results.append(result)
+        done.set()
+
+    thread = worker.Worker(worker.Setup(projected.CALIBRATION, settings), publish, print,
+                           logging.getLogger(), lambda result: None)
+    thread.start()
+    for pair in pairs:
+        done.clear()
+        thread.submit(Pair(pair.left.content, pair.right.content, pair.stamp, 0,
+                           time.monotonic()))
+        assert done.wait(120)
+    thread.stop()
+    found = {}
+    for pair, result in zip(pairs, results, strict=True):
+        context = Context.of(Header.of(pair.left.header), settings, pair.calibration)
+        for topic in VALUES:
+            content = OUTPUTS[topic].content(trimmed(result, context), context)
+            found[f'/{topic}', pair.time_ns] = bytes(serialized(content))
+    return found
+
+
 def settings_of(options):
     """Return the core's settings of the options of a command line."""
     names = {option[2:]: value for option, value in zip(options[::2], options[1::2])}
@@ -266,12 +335,23 @@ def cluster(folder, machines):
                                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
                for name, *words in commands]
     try:
+        await_listener(address)
         yield address, started[1:]
     finally:
         for process in reversed(started):
             process.terminate()
         for process in started:
             process.wait(30)
+
+
+def await_listener(address):
+    """Wait until somebody listens at an address."""
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        with socket.socket() as caller:
+            if not caller.connect_ex(('127.0.0.1', int(address.rpartition(':')[2]))):
+                return
+        time.sleep(0.1)
 
 
 def free_port():

@@ -23,6 +23,27 @@ def add_topic_arguments(parser, about_namespace=''):
         topics.add_argument(option, metavar='TOPIC', help=what)
 
 
+def add_work_arguments(parser, result):
+    """Declare who works; return the group."""
+    work = parser.add_argument_group('work', 'the result does not depend on who works')
+    work.add_argument('--workers', type=int, metavar='N', help='processes on this machine, each '
+                      'with one thread (default: one for each core)')
+    work.add_argument('--scheduler', metavar='ADDRESS', help='address of a Dask scheduler, such '
+                      'as tcp://host:8786: its workers measure; all of them must see RECORDING '
+                      f'and the folder of {result} under the same names (docs/scale.md)')
+    return work
+
+
+def workers_of(args):
+    """Return how many processes a command line asks for."""
+    import os
+
+    from ..core import SettingsError
+    if args.workers is not None and args.workers < 1:
+        raise SettingsError(f'--workers {args.workers}: expected 1 or more')
+    return args.workers or len(os.sched_getaffinity(0))
+
+
 def check_apart(recording, result):
     """
     Refuse a result that is the recording itself, or a folder that holds it.
@@ -64,7 +85,7 @@ def warn_of_losses(fared, plan, loss):
 
     Parameters
     ----------
-    fared : Tally or PairSensor
+    fared : Tally
         How many pairs failed, and why the first one did.
     plan : Plan
     loss : str or None

@@ -66,7 +66,7 @@ def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda count: None):
         return
     with _client(min(workers, len(tasks)), scheduler) as client:
         for account in _distributed(client, run, tasks):
-            tick(account['measured'] + account['failed'])
+            tick(account['pairs'])
             yield account
 
 

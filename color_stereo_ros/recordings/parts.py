@@ -18,7 +18,7 @@ from ..errors import RecordingError
 from ..files.atomic import folder_written_whole, naming, write_text
 from ..files.claim import held
 from ..files.yaml import yaml_text
-from .working import ACCOUNT, calibration_names, part_name, read_account, SETTINGS
+from .working import ACCOUNT, part_name, prepare, read_account
 
 RUN = 'run.yaml'
 METADATA = 'metadata.yaml'
@@ -48,8 +48,8 @@ class Parts:
         ----------
         identity : dict
             What the parts depend on, as YAML can hold it.
-        settings : str
-            YAML text for the workers.
+        settings : RangeNodeSettings
+            For the workers.
         calibrations : sequence of StereoCalibration
             For the workers.
         resume : bool
@@ -67,9 +67,7 @@ class Parts:
             self.folder.parent.mkdir(parents=True, exist_ok=True)
         with held(mark, self._result), naming(self._result, self.folder.name):
             self._prepare(identity, resume)
-            write_text(self.folder / SETTINGS, settings)
-            for index, calibration in enumerate(calibrations):
-                calibration.to_yaml(*(self.folder / name for name in calibration_names(index)))
+            prepare(self.folder, settings, calibrations)
             try:
                 yield
             except BaseException:

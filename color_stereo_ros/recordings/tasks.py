@@ -26,7 +26,7 @@ from .salvage import is_salvageable
 PAIRS = 64
 """Pairs of a task; chosen: the warm-up costs 5 % then, and a killed process seconds."""
 WARM_UP = 3
-"""Pairs before a task; chosen by evaluation/carried.py, docs/scale.md shows what it leaves."""
+"""Pairs before a task; chosen by bench/conversion.py, docs/scale.md shows what it leaves."""
 SETTLING = 8
 """Pairs after which a change of what is carried no longer shows; chosen likewise."""
 
