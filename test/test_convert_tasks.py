@@ -304,23 +304,27 @@ def test_the_memory_of_a_worker_does_not_grow_with_the_pairs(tmp_path, effort, f
             over=count, at_most=10.0)
 
 
-def test_an_interrupt_of_all_processes_is_one_line(tmp_path):
+@pytest.mark.parametrize('command', ['convert', 'export'])
+def test_an_interrupt_of_all_processes_is_one_line(tmp_path, command):
     pair = hue_pair(8)
     with write_recording(tmp_path / 'long') as writer:
         for index in range(20 * tasks.PAIRS):
             writer.write_pair((1 + index) * SECOND, *pair, parallel_rig())
     with subprocess.Popen(
-            [sys.executable, '-m', 'color_stereo_ros.cli.main', 'convert',
+            [sys.executable, '-m', 'color_stereo_ros.cli.main', command,
              str(tmp_path / 'long'), str(tmp_path / 'result'), *PAPER, '--workers', '2'],
             start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
             text=True) as process:
         end = time.monotonic() + 60
         while not measuring(process.pid) and time.monotonic() < end:
             time.sleep(0.05)
+        time.sleep(2)  # they are in the middle of their work, or will soon be
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         said = process.communicate(timeout=60)[1]
     assert process.returncode == cli.INTERRUPTED
     assert 'Traceback' not in said and said.rstrip().endswith('color_stereo: interrupted')
+    if command == 'export':
+        assert [path for path in tmp_path.rglob('.*') if path.parent != tmp_path] == []
 
 
 @contextmanager

@@ -27,7 +27,7 @@ def add_arguments(parser):
                         '(default: as fast as they were recorded)')
     parser.add_argument('--overwrite', action='store_true', help='replace files in FOLDER that '
                         'are not of an earlier run, too')
-    add_work_arguments(parser, 'FOLDER')
+    add_work_arguments(parser)
     add_settings_arguments(parser, settings=RangeNodeSettings())
 
 
@@ -50,8 +50,7 @@ def run(args):
         check_apart(args.recording, args.folder)
     with open_readable(args.recording, warn) as recording:
         topics = topics_of(args, recording, settings)
-        export = Export(recording, args.folder, topics, settings, wanted, workers,
-                        args.scheduler)
+        export = Export(recording, args.folder, topics, settings, wanted, workers)
         with Progress.pairing(recording, topics) as (say, tick):
             export.pair(say, tick)
         with Progress(total=export.pairs, unit='pair') as progress:

@@ -23,14 +23,11 @@ def add_topic_arguments(parser, about_namespace=''):
         topics.add_argument(option, metavar='TOPIC', help=what)
 
 
-def add_work_arguments(parser, result):
+def add_work_arguments(parser):
     """Declare who works; return the group."""
     work = parser.add_argument_group('work', 'the result does not depend on who works')
     work.add_argument('--workers', type=int, metavar='N', help='processes on this machine, each '
                       'with one thread (default: one for each core)')
-    work.add_argument('--scheduler', metavar='ADDRESS', help='address of a Dask scheduler, such '
-                      'as tcp://host:8786: its workers measure; all of them must see RECORDING '
-                      f'and the folder of {result} under the same names (docs/scale.md)')
     return work
 
 

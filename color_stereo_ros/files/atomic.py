@@ -179,6 +179,12 @@ def _locked_room(path, alone):
         _close(lock)
 
 
+def sweep(folder):
+    """Remove what processes that have ended left unfinished in a folder."""
+    _swept.discard(Path(folder).resolve())
+    _sweep(Path(folder) / NAME, alone=False)
+
+
 def _sweep(path, alone):
     """
     Remove the rooms of processes that have ended, and put back what these had moved.

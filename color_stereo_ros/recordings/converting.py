@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording of pairs in, a recording of outputs out."""
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
@@ -127,11 +128,12 @@ class Conversion:
             self.tally.add(self._parts.account(index))
             tick(len(tasks[index].rows))
         left = [task for task in tasks if task.index not in done]
-        for account in run_tasks(self._run(), left, workers=self._work.workers,
-                                 scheduler=self._work.scheduler, tick=tick):
-            self.tally.add(account)
-            for text in account['said']:
-                teller.tell(text)
+        with closing(run_tasks(self._run(), left, workers=self._work.workers,
+                               scheduler=self._work.scheduler, tick=tick)) as accounts:
+            for account in accounts:
+                self.tally.add(account)
+                for text in account['said']:
+                    teller.tell(text)
 
     def _run(self):
         return Run(str(self._recording.path.resolve()), str(self._parts.folder),

@@ -2,7 +2,7 @@
 """A recording of pairs in, files for other programs out."""
 
 from collections import Counter
-from contextlib import contextmanager, ExitStack
+from contextlib import closing, contextmanager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 import re
@@ -12,7 +12,7 @@ from uuid import uuid4
 import numpy as np
 
 from ..errors import RecordingError, SettingsError
-from ..files.atomic import naming
+from ..files.atomic import naming, sweep
 from ..files.claim import claimed
 from ..files.film import film
 from .accounts import Tally, Teller
@@ -112,16 +112,13 @@ class Export:
     wanted : Wanted
     workers : int
         Processes of this machine.
-    scheduler : str, optional
-        Address of a Dask scheduler, whose workers measure.
 
     """
 
-    def __init__(self, recording, folder, topics, settings, wanted=Wanted(), workers=1,
-                 scheduler=None):
+    def __init__(self, recording, folder, topics, settings, wanted=Wanted(), workers=1):
         self._recording, self._folder, self._topics = recording, Path(folder), topics
         self._settings, self._wanted = for_workers(settings), wanted
-        self._workers, self._scheduler = workers, scheduler
+        self._workers = workers
         self._products = [PRODUCTS[name] for name in dict.fromkeys(wanted.products)]
         self.plan = self.frames = None
         """The Plan, and the indices of the chosen pairs, once they are known."""
@@ -192,9 +189,10 @@ class Export:
             adders = [(item, reels.enter_context(film(self._folder / item.ending, self._rate())))
                       for item in films]
             teller = Teller(say)
-            for account in in_order(run_tasks(self._run(parts), tasks, workers=self._workers,
-                                              scheduler=self._scheduler, tick=tick)):
-                self._take(account, teller, parts, adders)
+            with closing(run_tasks(self._run(parts), tasks, workers=self._workers,
+                                   tick=tick)) as accounts:
+                for account in in_order(accounts):
+                    self._take(account, teller, parts, adders)
             if not self.tally.measured:
                 raise RecordingError(f'{self._recording.path}: {self.tally.reason()}')
         self.files = self.tally.measured * len(single) + len(films)
@@ -222,6 +220,7 @@ class Export:
                 yield parts
         finally:
             shutil.rmtree(parts, ignore_errors=True)
+            sweep(self._folder)  # workers that were ended in the middle of a file
 
     def _run(self, parts):
         job = Exporting(str(self._folder.resolve()), tuple(dict.fromkeys(self._wanted.products)),
