@@ -144,6 +144,22 @@ def test_a_damaged_pointer_of_a_page_costs_one_message(tmp_path, sqlite, effort)
             assert len(read) == len(everything) or 'damaged' in recording.loss
 
 
+def test_rows_that_are_lost_without_an_error_are_noticed(tmp_path, sqlite, capsys):
+    rows = 0x0D  # first byte of a page of rows
+
+    def change(content):
+        damaged, pages = bytearray(content), range(len(content) // PAGE // 2, len(content) // PAGE)
+        place = PAGE * next(page for page in pages if content[PAGE * page] == rows)
+        count = int.from_bytes(content[place + 3:place + 5], 'big')
+        damaged[place + 3:place + 5] = (count - 4).to_bytes(2, 'big')
+        return bytes(damaged)
+
+    bag = copy(sqlite, tmp_path / 'bag', change)
+    assert cli.main(['convert', str(bag), str(tmp_path / 'out'), *PAPER]) == cli.PARTLY
+    said = capsys.readouterr().err
+    assert 'damaged messages: 4' in said and said.count(str(bag)) == 1
+
+
 def test_rows_without_a_table_of_topics_are_no_recording(tmp_path, sqlite):
     def change(content):
         return content.replace(b'sensor_msgs/msg/', b'sensor_msgs-msg-')

@@ -50,6 +50,8 @@ class Plan:
     """Refusals: messages that could not be decoded."""
     reason: str
     """Why there is no pair; meaningless where there are pairs."""
+    missing: int
+    """Messages fewer than the recording says that it holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +92,16 @@ def plan_of(recording, topics, settings, say, tick=lambda message: None):
 
     """
     pairing, calibrations, rows = Pairing(recording, topics, settings, say), [], []
+    missing = sum(recording.counts[topic] for topic in topics.names)
     for message in recording.messages(topics.names):
         for pair in pairing.take(message):
             if not calibrations or calibrations[-1] is not pair.calibration:
                 calibrations.append(pair.calibration)
             rows.append(_row(pair, len(calibrations) - 1))
+        missing -= 1
         tick(message)
     return Plan(np.array(rows, ROW), tuple(calibrations), pairing.unpaired, pairing.refusals,
-                pairing.reason())
+                pairing.reason(), missing)
 
 
 def readable_plan(recording, topics, settings, say, tick=lambda message: None):
@@ -112,6 +116,9 @@ def readable_plan(recording, topics, settings, say, tick=lambda message: None):
     """
     try:
         plan = plan_of(recording, topics, settings, say, tick)
+        if plan.missing > 0 and recording.loss is None:
+            raise RecordingError(f'{recording.path}: damaged: {plan.missing} messages fewer than '
+                                 'it says that it holds')
     except RecordingError as error:
         if recording.loss is not None or not is_salvageable(recording.path):
             raise
