@@ -6,15 +6,15 @@ Prints JSON: processor time per pair of convert and of its steps, pairs per seco
 processes, and what it matters that a task does not carry on from the one before. Start it with
 NUMBA_NUM_THREADS=1: then `process` has one thread, as in each process.
 
-`--against PYTHON` measures another revision in turn, too: PYTHON is the interpreter of an
+`--against COMMAND` measures another revision in turn, too: COMMAND is the `color_stereo` of an
 environment in which it is installed. What both share of a busy machine is the same then.
 
 """
 
 import argparse
 from contextlib import contextmanager
-from dataclasses import fields
 import json
+import os
 from pathlib import Path
 import resource
 import subprocess
@@ -24,7 +24,8 @@ import time
 
 import numpy as np
 
-from ..core import ColorStereo, Settings
+from ..core import ColorStereo
+from ..core.settings import flat, updated
 from ..parameters.groups import RangeNodeSettings
 from ..recordings.measuring import make_stereo, OutputWriter, PairSensor
 from ..recordings.reading import Recording
@@ -42,7 +43,10 @@ CASES = {
     'workers_2_two_views': ('--workers=2', '--matching.third_view=off'),
 }
 """Options of `convert` by the name of a figure."""
+COMMAND = sys.executable, '-m', 'color_stereo_ros.cli.main'
 OTHER = 'other_revision'
+THREADS = 'NUMBA_NUM_THREADS'
+"""Holds for this process alone: commands take as many threads as they do by themselves."""
 LONG = 24  # pairs over which what is carried is compared
 
 
@@ -56,7 +60,7 @@ def measured(pairs, against=None):
         Pairs of the short recording; the long one has three times as many. What starting costs
         is the same for both, so that their difference is what pairs cost.
     against : str, optional
-        Interpreter of another revision, which is measured, too.
+        The command `color_stereo` of another revision, which is measured, too.
 
     Returns
     -------
@@ -75,19 +79,20 @@ def measured(pairs, against=None):
         for count in (pairs, 3 * pairs):
             write(folder / f'{count}', images, calibration, count)
         figures['steps_cpu_ms'] = steps(folder, pairs, settings)
-        commands = {case: [sys.executable, *more] for case, more in CASES.items()}
+        cases = {case: (COMMAND, more) for case, more in CASES.items()}
         if against:
-            commands[OTHER] = [against]
-        used = {(case, count): converted(folder, count, python, [*options, *more])
-                for count in (pairs, 3 * pairs)
-                for case, (python, *more) in commands.items()}
-    for case in commands:
+            cases[OTHER] = [against], ()
+        used = {(case, count): converted(folder, count, command, [*options, *more])
+                for count in (pairs, 3 * pairs) for case, (command, more) in cases.items()}
+    for case in cases:
         wall, cpu = (last - first for first, last in zip(used[case, pairs],
                                                          used[case, 3 * pairs]))
         figures[case] = {'cpu_ms': cpu / (2 * pairs) * 1e3, 'pairs_per_s': 2 * pairs / wall}
     if against:
-        figures['times_the_other'] = {
-            case: figures[case]['pairs_per_s'] / figures[OTHER]['pairs_per_s'] for case in CASES}
+        figures['times_the_other'] = {case: {
+            'pairs_per_s': figures[case]['pairs_per_s'] / figures[OTHER]['pairs_per_s'],
+            'pairs_per_cpu_s': figures[OTHER]['cpu_ms'] / figures[case]['cpu_ms']}
+            for case in CASES}
     return figures
 
 
@@ -98,12 +103,13 @@ def write(path, images, calibration, count):
             writer.write_pair((1 + index) * PERIOD, *images[index % len(images)], calibration)
 
 
-def converted(folder, count, python, options):
+def converted(folder, count, command, options):
     """Return wall and processor time of a conversion, s; its processes included."""
+    environment = {name: value for name, value in os.environ.items() if name != THREADS}
     before, start = _children(), time.monotonic()
-    subprocess.run([python, '-m', 'color_stereo_ros.cli.main', 'convert',
-                    str(folder / str(count)), str(folder / 'result'), '--overwrite', *options],
-                   check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=folder)
+    subprocess.run([*command, 'convert', str(folder / str(count)), str(folder / 'result'),
+                    '--overwrite', *options], check=True, stdout=subprocess.DEVNULL,
+                   stderr=subprocess.DEVNULL, cwd=folder, env=environment)
     return time.monotonic() - start, _children() - before
 
 
@@ -119,8 +125,7 @@ def steps(folder, count, settings):
         writing (serialized, compressed, into the file).
 
     """
-    settings = RangeNodeSettings(**{field.name: getattr(settings, field.name)
-                                    for field in fields(Settings)})
+    settings = updated(RangeNodeSettings(), flat(settings))
     used = dict.fromkeys(('pairing', 'reading', 'measuring', 'contents', 'writing'), 0.0)
     with Recording(folder / str(count)) as recording, open_writer(folder / 'steps') as writer:
         topics = recording.stereo_topics()
@@ -223,8 +228,8 @@ def main():
     """Print the figures that the command line asks for."""
     parser = argparse.ArgumentParser(description='What `color_stereo convert` costs.')
     parser.add_argument('pairs', nargs='?', type=int, default=128, help='pairs of the short '
-                        'recording (default 128)')
-    parser.add_argument('--against', metavar='PYTHON', help='interpreter of another revision')
+                        'recording (default 128; fewer are no work for two processes)')
+    parser.add_argument('--against', metavar='COMMAND', help='`color_stereo` of another revision')
     args = parser.parse_args()
     print(json.dumps(measured(args.pairs, args.against), indent=1))
 
