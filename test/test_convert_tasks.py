@@ -2,6 +2,7 @@
 """`color_stereo convert` by tasks: the same result whoever works, and nothing is lost."""
 
 from contextlib import contextmanager
+import logging
 import os
 from pathlib import Path
 import shutil
@@ -15,11 +16,18 @@ import time
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import Settings
 from color_stereo_ros.core.settings import flat
+from color_stereo_ros.messages.contents import Header
+from color_stereo_ros.messages.outputs import Context, OUTPUTS
+from color_stereo_ros.messages.synchronizer import Pair
+from color_stereo_ros.messages.trimming import trimmed
+from color_stereo_ros.nodes.sensor import worker
 from color_stereo_ros.parameters.groups import RangeNodeSettings
 from color_stereo_ros.recordings import engine, tasks, working
+from color_stereo_ros.recordings.carrying import TaskStereo
 from color_stereo_ros.recordings.measuring import make_stereo
 from color_stereo_ros.recordings.pairing import Place, Places
 from color_stereo_ros.recordings.reading import Recording
+from color_stereo_ros.recordings.types import serialized
 from color_stereo_ros.recordings.writing import write_recording
 import numpy as np
 import projected
@@ -29,6 +37,7 @@ from scenes import hue_pair, parallel_rig
 SECOND = 1_000_000_000
 COUNT = 7
 FEW = 2  # pairs of a task here
+VALUES = 'points', 'depth/image', 'depth_std/image', 'confidence/image', 'status/image'
 PAPER = ['--matching.method', 'paper', '--pattern.type', 'sweep', '--color.smoothing', '0',
          '--range.min_depth', '0.4', '--range.max_depth', '3']
 
@@ -159,6 +168,66 @@ def test_the_first_task_gives_what_a_node_gives_that_has_just_started(tmp_path, 
     assert converted == depths
 
 
+def test_a_later_task_gives_what_a_node_gives_in_the_state_in_which_it_begins(tmp_path, lit, few,
+                                                                              monkeypatch):
+    options = [*surface_options(), '--topics', *VALUES, '--workers', '1']
+    assert cli.main(['convert', str(lit), str(tmp_path / 'tasks'), *options]) == 0
+    settings = RangeNodeSettings(**{name: getattr(settings_of(options), name)
+                                    for name in ('pattern', 'range')})
+    with Recording(lit) as recording:
+        topics = recording.stereo_topics()
+        plan = tasks.plan_of(recording, topics, settings, print)
+        carried = TaskStereo(topics, settings, plan.calibrations.__getitem__)
+        task = tasks.tasks_of(plan.rows, FEW)[2]
+        state = carried.before(recording, task)
+        pairs = list(carried.pairs(recording, task.rows))
+        alignment, projector, health = state.alignment, state.projector, state.health
+    assert projector is not None and len(task.warm_up) == 1
+
+    class Started(worker.ColorStereo):
+        """Begins in the state of a task."""
+
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            self.adopt(alignment)
+            self.adopt_projector(projector)
+            self.adopt_health(health)
+
+    monkeypatch.setattr(worker, 'ColorStereo', Started)
+    expected = measured_by_a_node(settings, pairs)
+    with Recording(tmp_path / 'tasks') as recording:
+        found = {(message.topic, message.time_ns): bytes(message.data)
+                 for message in recording.messages()}
+    assert len(expected) == len(VALUES) * FEW
+    assert [key for key in expected if found[key] != expected[key]] == []
+
+
+def measured_by_a_node(settings, pairs):
+    """Return topic and time to the bytes of what the thread of a node makes of FoundPairs."""
+    results, done = [], threading.Event()
+
+    def publish(result, *_):
+        results.append(result)
+        done.set()
+
+    thread = worker.Worker(worker.Setup(projected.CALIBRATION, settings), publish, print,
+                           logging.getLogger(), lambda result: None)
+    thread.start()
+    for pair in pairs:
+        done.clear()
+        thread.submit(Pair(pair.left.content, pair.right.content, pair.stamp, 0,
+                           time.monotonic()))
+        assert done.wait(120)
+    thread.stop()
+    found = {}
+    for pair, result in zip(pairs, results, strict=True):
+        context = Context.of(Header.of(pair.left.header), settings, pair.calibration)
+        for topic in VALUES:
+            content = OUTPUTS[topic].content(trimmed(result, context), context)
+            found[f'/{topic}', pair.time_ns] = bytes(serialized(content))
+    return found
+
+
 def settings_of(options):
     """Return the core's settings of the options of a command line."""
     names = {option[2:]: value for option, value in zip(options[::2], options[1::2])}
@@ -235,6 +304,29 @@ def test_the_memory_of_a_worker_does_not_grow_with_the_pairs(tmp_path, effort, f
             over=count, at_most=10.0)
 
 
+@pytest.mark.parametrize('command', ['convert', 'export'])
+def test_an_interrupt_of_all_processes_is_one_line(tmp_path, command):
+    pair = hue_pair(8)
+    with write_recording(tmp_path / 'long') as writer:
+        for index in range(20 * tasks.PAIRS):
+            writer.write_pair((1 + index) * SECOND, *pair, parallel_rig())
+    with subprocess.Popen(
+            [sys.executable, '-m', 'color_stereo_ros.cli.main', command,
+             str(tmp_path / 'long'), str(tmp_path / 'result'), *PAPER, '--workers', '2'],
+            start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            text=True) as process:
+        end = time.monotonic() + 60
+        while not measuring(process.pid) and time.monotonic() < end:
+            time.sleep(0.05)
+        time.sleep(2)  # they are in the middle of their work, or will soon be
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        said = process.communicate(timeout=60)[1]
+    assert process.returncode == cli.INTERRUPTED
+    assert 'Traceback' not in said and said.rstrip().endswith('color_stereo: interrupted')
+    if command == 'export':
+        assert [path for path in tmp_path.rglob('.*') if path.parent != tmp_path] == []
+
+
 @contextmanager
 def cluster(folder, machines):
     """Start a scheduler and workers with folders of their own; yield its address and them."""
@@ -247,12 +339,23 @@ def cluster(folder, machines):
                                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
                for name, *words in commands]
     try:
+        await_listener(address)
         yield address, started[1:]
     finally:
         for process in reversed(started):
             process.terminate()
         for process in started:
             process.wait(30)
+
+
+def await_listener(address):
+    """Wait until somebody listens at an address."""
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        with socket.socket() as caller:
+            if not caller.connect_ex(('127.0.0.1', int(address.rpartition(':')[2]))):
+                return
+        time.sleep(0.1)
 
 
 def free_port():
@@ -316,6 +419,16 @@ def test_impossible_workers_are_refused(tmp_path, cards, capsys, words, said):
     assert cli.main(['convert', str(cards), str(tmp_path / 'result'), *PAPER, *words])
     assert said in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('command', ['convert', 'export', 'view'])
+def test_a_place_that_takes_no_result_is_told_before_the_work(cards, capsys, command):
+    place = '/proc/results'  # nobody may write there, not even root
+    words = [place] if command != 'view' else ['--html', place]
+    assert cli.main([command, str(cards), *words, *PAPER[:8]]) == cli.FAILURE
+    said = capsys.readouterr().err
+    assert said.startswith(f'color_stereo: {place}: ') and said.count('\n') == 1
+    assert 'color_stereo_' not in said
 
 
 @pytest.mark.parametrize('command', ['convert', 'export'])

@@ -274,6 +274,24 @@ def test_a_pair_is_measured_as_convert_measures_it(tmp_path, lit, few):  # noqa:
             assert found['color'].shape == projected.pair(noise=1)[0].shape
 
 
+def test_several_processes_write_the_same_files(tmp_path, cards, few):  # noqa: F811
+    for name, workers in (('one', '1'), ('two', '2')):
+        assert cli.main(['export', str(cards), str(tmp_path / name), *PAPER, '--workers', workers,
+                         '--products', *PRODUCTS]) == 0
+    one, two = ({path.name: path for path in (tmp_path / name).iterdir()}
+                for name in ('one', 'two'))
+    assert set(one) == set(two) and len(one) == 4 * (len(PRODUCTS) - 1) + 1
+    assert [name for name in one if contents(one[name]) != contents(two[name])] == []
+
+
+def contents(path):
+    """Return what a file holds; an archive notes when it was made."""
+    if path.suffix == '.npz':
+        with np.load(path) as found:
+            return {name: found[name].tobytes() for name in found}
+    return path.read_bytes()
+
+
 def test_only_tasks_with_chosen_pairs_are_measured_and_up_to_these(cards, few,  # noqa: F811
                                                                   tmp_path):
     from color_stereo_ros.parameters.groups import RangeNodeSettings
@@ -281,8 +299,8 @@ def test_only_tasks_with_chosen_pairs_are_measured_and_up_to_these(cards, few,  
         export = Export(recording, tmp_path, recording.stereo_topics(), RangeNodeSettings(),
                         Wanted(frames='2'))
         export.pair(print)
-        (task, places), = export.passes()
-    assert places == {0: 2} and len(task.rows) == export.pairs == 1
+        task, = export.tasks()
+    assert task.names == {0: '1712345680.123456789'} and len(task.rows) == export.pairs == 1
     assert len(task.warm_up) == 1 and len(task.settling) == 2
 
 
@@ -320,7 +338,7 @@ def test_a_refused_pair_has_no_files_and_the_status_tells(tmp_path, capsys):
     assert '1 pairs refused' in capsys.readouterr().err
     assert [path.name for path in (tmp_path / 'out').iterdir()] == ['1.000000000_depth.tiff']
     assert cli.main([*words[:2], str(tmp_path / 'none'), *words[3:], 'mp4', '--frames', '1']) == 1
-    assert 'no pair could be measured: all 1 chosen pairs' in capsys.readouterr().err
+    assert 'no pair could be measured: all 1 pairs' in capsys.readouterr().err
     assert not (tmp_path / 'none').exists()
 
 

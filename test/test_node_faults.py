@@ -936,6 +936,41 @@ def test_a_clock_that_is_set_back_is_followed(tmp_path):
     rig.close()
 
 
+def test_a_recording_in_a_loop_with_its_clock_gives_the_same_each_time(tmp_path):
+    """Do what `ros2 bag play --clock --loop` does: clock and stamps begin anew in each turn."""
+    node = NodeProcess(tmp_path / 'log.txt', parameters={**PARAMETERS, 'use_sim_time': True},
+                       arguments=['-r', '__ns:=/loop'])
+    rig = Rig('/loop', clock_start=1000 * SECOND)
+    clock = rig.node.create_publisher(Clock, '/clock', 10)
+    rig.listen(Image, DEPTH)
+    rig.wait_for_node()
+    first, count, images, turns = rig.stamp, 4, dict(rig.images), []
+
+    def play(index):
+        rig.stamp = first + index * rig.period
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(rig.stamp, SECOND)
+        clock.publish(message)
+        rig.images = {side: np.roll(image, index, axis=0) for side, image in images.items()}
+        return rig.send_pair(stamp=rig.stamp, infos=index == 0)
+
+    deadline = time.monotonic() + 60.0
+    while not rig.received[DEPTH] and time.monotonic() < deadline:
+        for index in range(count):
+            play(index)
+            rig.spin(0.2)
+    for _ in range(3):
+        rig.spin(0.3)
+        rig.received[DEPTH].clear()
+        turns.append([bytes(rig.await_output(DEPTH, play(index)).data)
+                      for index in range(count)])
+    assert turns[0] == turns[1] == turns[2] and len(set(turns[0])) == count
+    parts = rig.diagnose(lambda p: int(values_of(p['inputs'])['jumps of time']) >= 3, 'the jumps')
+    assert parts['inputs'].message == 'pairs arrive'
+    assert node.stop() == 0
+    rig.close()
+
+
 def test_outputs_come_and_go_with_their_subscribers(rig):
     for topic in ('points', 'status/image', 'points'):
         kind = PointCloud2 if topic == 'points' else Image

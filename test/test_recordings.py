@@ -151,6 +151,12 @@ def test_a_folder_without_metadata_is_refused(recorded):
     assert 'no metadata.yaml inside' in refusal(recorded)
 
 
+def test_a_folder_above_a_recording_names_it(recorded):
+    said = refusal(recorded.parent)
+    assert f'is no recording, but holds {recorded.name}: name it' in said
+    assert said.endswith(str(recorded))
+
+
 @pytest.mark.parametrize('kept', [0.0, 0.001, 0.5, 0.99])
 def test_a_half_written_file_is_refused(recorded, kept):
     path = recorded / 'recorded.mcap'
@@ -201,9 +207,13 @@ def test_broken_metadata_are_refused(recorded, text):
 
 
 def test_a_file_that_is_no_recording_is_refused(tmp_path):
-    path = tmp_path / 'holiday.jpg'
-    path.write_bytes(b'\xff\xd8')
-    assert 'damaged or only half written' in refusal(path)
+    for name, content in (('holiday.jpg', b'\xff\xd8'), ('notes.mcap', b'Monday, rain'),
+                          ('list.db3', b'a, b')):
+        path = tmp_path / name
+        path.write_bytes(content)
+        assert f'{name}: is no recording' in refusal(path)
+    path.write_bytes(b'')
+    assert refusal(path).endswith('is empty')
 
 
 def test_a_recording_without_a_pair_says_what_it_holds(tmp_path, images):

@@ -198,6 +198,7 @@ def test_a_folder_of_images_is_measured_pair_by_pair(tmp_path):
     ([], 'name one of a recording or folder, --sample and --live'),
     (['here', '--sample'], 'not a recording or folder and --sample'),
     (['--live', '--html', 'x.html'], 'record the topics first'),
+    (['--sample', '--frames', '0'], '--frames chooses the pairs of --html FILE'),
     (['--sample', '--port', '70000'], 'outside 0 .. 65535')])
 def test_command_lines_that_name_no_source_are_refused(words, said, capsys):
     assert cli.main(['view', *words]) == 2

@@ -11,7 +11,7 @@ def add_arguments(parser):
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.measuring import DEFAULT_TOPICS, VIEWS
     from .arguments import add_settings_arguments
-    from .recorded import add_recording_arguments
+    from .recorded import add_recording_arguments, add_work_arguments
     add_recording_arguments(parser, ', which the outputs get, too')
     parser.add_argument('result', help='rosbag2 folder to make; it appears when it is complete')
     parser.add_argument('--topics', nargs='+', choices=list(OUTPUTS), metavar='TOPIC',
@@ -20,21 +20,14 @@ def add_arguments(parser):
                         'view). projector/camera_info is written where the projector is found')
     parser.add_argument('--overwrite', action='store_true',
                         help='replace RESULT if it is a recording')
-    add_work_arguments(parser)
-    add_settings_arguments(parser, settings=RangeNodeSettings())
-
-
-def add_work_arguments(parser):
-    """Declare who works, and what becomes of a run that was stopped."""
-    work = parser.add_argument_group('work', 'the result does not depend on who works')
-    work.add_argument('--workers', type=int, metavar='N', help='processes on this machine, each '
-                      'with one thread (default: one for each core)')
+    work = add_work_arguments(parser)
     work.add_argument('--scheduler', metavar='ADDRESS', help='address of a Dask scheduler, such '
                       'as tcp://host:8786: its workers measure; all of them must see RECORDING '
                       'and the folder of RESULT under the same names (docs/scale.md)')
     left = work.add_mutually_exclusive_group()
     left.add_argument('--resume', action='store_true', help='go on with a run that was stopped')
     left.add_argument('--restart', action='store_true', help='forget a run that was stopped')
+    add_settings_arguments(parser, settings=RangeNodeSettings())
 
 
 def run(args):
@@ -61,20 +54,15 @@ def run(args):
 
 def work_of(args):
     """Return the Work of a command line."""
-    import os
-
-    from ..core import SettingsError
     from ..recordings.converting import Work
-    if args.workers is not None and args.workers < 1:
-        raise SettingsError(f'--workers {args.workers}: expected 1 or more')
-    return Work(args.workers or len(os.sched_getaffinity(0)), args.scheduler, args.overwrite,
-                args.resume, args.restart)
+    from .recorded import workers_of
+    return Work(workers_of(args), args.scheduler, args.overwrite, args.resume, args.restart)
 
 
 def told(result, conversion):
     """Print how a conversion went; return PARTLY if something was refused."""
-    from .recorded import warn_of_losses
+    from .recorded import damaged, warn_of_losses
     plan, tally = conversion.plan, conversion.tally
     print(f'{result}: {tally.measured} pairs measured, {tally.failed} refused, '
-          f'{plan.unpaired} images without partner or calibration')
-    return warn_of_losses(conversion.path, tally, plan, conversion.loss)
+          f'{plan.unpaired} images without partner or calibration{damaged(conversion.loss)}')
+    return warn_of_losses(tally, plan, conversion.loss)

@@ -10,7 +10,7 @@ def add_arguments(parser):
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS
     from .arguments import add_settings_arguments
-    from .recorded import add_recording_arguments
+    from .recorded import add_recording_arguments, add_work_arguments
     add_recording_arguments(parser)
     parser.add_argument('folder', help='folder to fill; names of files begin with the stamp of '
                         'their pair in s')
@@ -27,6 +27,7 @@ def add_arguments(parser):
                         '(default: as fast as they were recorded)')
     parser.add_argument('--overwrite', action='store_true', help='replace files in FOLDER that '
                         'are not of an earlier run, too')
+    add_work_arguments(parser)
     add_settings_arguments(parser, settings=RangeNodeSettings())
 
 
@@ -34,19 +35,22 @@ def run(args):
     """Export the recording of the command line; return PARTLY if something was refused."""
     from pathlib import Path
 
+    from ..files.atomic import check_folder
     from ..parameters.groups import RangeNodeSettings
     from ..recordings.exporting import Export
     from ..recordings.reading import open_readable
     from .arguments import settings_from
     from .main import warn
     from .progress import Progress
-    from .recorded import check_apart, topics_of
+    from .recorded import check_apart, topics_of, workers_of
     settings, wanted = settings_from(args, RangeNodeSettings()), wanted_by(args)
+    workers = workers_of(args)
+    check_folder(args.folder)
     if Path(args.recording).is_dir():
         check_apart(args.recording, args.folder)
     with open_readable(args.recording, warn) as recording:
         topics = topics_of(args, recording, settings)
-        export = Export(recording, args.folder, topics, settings, wanted)
+        export = Export(recording, args.folder, topics, settings, wanted, workers)
         with Progress.pairing(recording, topics) as (say, tick):
             export.pair(say, tick)
         with Progress(total=export.pairs, unit='pair') as progress:
@@ -69,8 +73,9 @@ def wanted_by(args):
 
 def told(args, export, loss):
     """Print how an export went; return PARTLY if something was refused."""
-    from .recorded import warn_of_losses
-    plan, sensor = export.plan, export.sensor
-    print(f'{args.folder}: {export.files} files of {sensor.measured} pairs, {sensor.failed} '
-          f'refused; the recording has {len(plan.rows)} pairs')
-    return warn_of_losses(args.recording, sensor, plan, loss)
+    from .recorded import damaged, warn_of_losses
+    plan, tally = export.plan, export.tally
+    print(f'{args.folder}: {export.files} files of {tally.measured} pairs, {tally.failed} '
+          f'refused; the recording has {len(plan.rows)} pairs'
+          f'{damaged(loss)}')
+    return warn_of_losses(tally, plan, loss)

@@ -23,6 +23,24 @@ def add_topic_arguments(parser, about_namespace=''):
         topics.add_argument(option, metavar='TOPIC', help=what)
 
 
+def add_work_arguments(parser):
+    """Declare who works; return the group."""
+    work = parser.add_argument_group('work', 'the result does not depend on who works')
+    work.add_argument('--workers', type=int, metavar='N', help='processes on this machine, each '
+                      'with one thread (default: one for each core)')
+    return work
+
+
+def workers_of(args):
+    """Return how many processes a command line asks for."""
+    import os
+
+    from ..core import SettingsError
+    if args.workers is not None and args.workers < 1:
+        raise SettingsError(f'--workers {args.workers}: expected 1 or more')
+    return args.workers or len(os.sched_getaffinity(0))
+
+
 def check_apart(recording, result):
     """
     Refuse a result that is the recording itself, or a folder that holds it.
@@ -41,6 +59,11 @@ def check_apart(recording, result):
                             'folder for the result')
 
 
+def damaged(loss):
+    """Return what the last line of a command says of a damaged recording, or nothing."""
+    return '; a damaged recording, read as far as it is whole' if loss else ''
+
+
 def named_topics(args):
     """Return the StereoTopics that a command line names; None where it names none."""
     from ..recordings.topics import StereoTopics
@@ -53,15 +76,13 @@ def topics_of(args, recording, settings):
                                    settings.input.transport == 'compressed')
 
 
-def warn_of_losses(path, fared, plan, loss):
+def warn_of_losses(fared, plan, loss):
     """
-    Warn of what was refused or cannot be read.
+    Warn of what was refused; what cannot be read was told when it was found.
 
     Parameters
     ----------
-    path : path-like
-        The recording.
-    fared : Tally or PairSensor
+    fared : Tally
         How many pairs failed, and why the first one did.
     plan : Plan
     loss : str or None
@@ -78,6 +99,4 @@ def warn_of_losses(path, fared, plan, loss):
         warn(f'{fared.failed} pairs refused; the first: {fared.first_failure}')
     if plan.refusals:
         warn(f'{plan.refusals}; the first: {plan.refusals.first}')
-    if loss:
-        warn(f'{path} is damaged: {loss}')
     return PARTLY if fared.failed or plan.refusals or loss else None

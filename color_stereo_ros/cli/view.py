@@ -35,7 +35,7 @@ def add_arguments(parser):
     parser.add_argument('--html', metavar='FILE', help='write one HTML file instead, which needs '
                         'no server and no network: the scene and a time bar, without clicks')
     parser.add_argument('--overwrite', action='store_true', help='with --html: replace FILE')
-    parser.add_argument('--frames', default='0', metavar='LIST', help='with --html: the pairs '
+    parser.add_argument('--frames', metavar='LIST', help='with --html: the pairs '
                         'in it, indices from 0 and slices as in Python, such as 0,10:20:2 '
                         '(default 0)')
     add_topic_arguments(parser)
@@ -43,23 +43,25 @@ def add_arguments(parser):
 
 
 def run(args):
-    """Show what the command line names."""
+    """Show what the command line names; return PARTLY if a part of it cannot be read."""
+    from .main import PARTLY
     check(args)
     import_module('viser')  # before anything is measured
     if args.live:
         watch(args)
-        return
+        return None
     with opened(args) as frames:
         if args.html:
-            write_html(Path(args.html), frames, args.frames)
+            write_html(Path(args.html), frames, args.frames or '0')
         else:
             serve(args.host, args.port, frames)
+        return PARTLY if frames.partly else None
 
 
 def check(args):
-    """Refuse a command line that names no source, or two."""
+    """Refuse a command line that names no source, or two, or a file that cannot be written."""
     from ..core import SettingsError
-    from ..files.atomic import check_free
+    from ..files.atomic import check_free, check_place
     named = [name for name, given in (('a recording or folder', args.source),
                                       ('--sample', args.sample), ('--live', args.live)) if given]
     if len(named) != 1:
@@ -67,8 +69,13 @@ def check(args):
                             + (f'; not {" and ".join(named)}' if named else ''))
     if args.live and args.html:
         raise SettingsError('--html needs a recording or image files; record the topics first')
-    if args.html and not args.overwrite:
-        check_free(Path(args.html))
+    if args.frames is not None and not args.html:
+        raise SettingsError('--frames chooses the pairs of --html FILE; without it the page shows '
+                            'all of them')
+    if args.html:
+        if not args.overwrite:
+            check_free(Path(args.html))
+        check_place(Path(args.html))
     if not 0 <= args.port <= 65535:
         raise SettingsError(f'--port = {args.port} is outside 0 .. 65535')
 

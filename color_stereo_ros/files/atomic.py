@@ -111,6 +111,34 @@ def check_free(path):
         raise RecordingError(f'{path}: exists already; --overwrite replaces it')
 
 
+def check_place(path):
+    """
+    Raise OSError, which names a path, if nothing can be written there; leaves nothing behind.
+
+    A command with long work asks this before it begins.
+
+    """
+    path = Path(path).absolute()
+    _try_in(next(folder for folder in path.parents if os.path.lexists(folder)), path)
+
+
+def check_folder(path):
+    """Do what `check_place` does, for a folder that will be filled."""
+    path = Path(path).absolute()
+    if os.path.lexists(path):
+        _try_in(path, path)
+    else:
+        check_place(path)
+
+
+def _try_in(folder, path):
+    try:
+        with tempfile.TemporaryDirectory(prefix=ROOM, dir=folder):
+            pass
+    except OSError as error:
+        raise _naming(path, error) from error
+
+
 def _place_new(partial, path):
     """Give a file its name unless there is one of that name, without a moment in between."""
     try:
@@ -149,6 +177,12 @@ def _locked_room(path, alone):
     finally:
         shutil.rmtree(room, ignore_errors=True)
         _close(lock)
+
+
+def sweep(folder):
+    """Remove what processes that have ended left unfinished in a folder."""
+    _swept.discard(Path(folder).resolve())
+    _sweep(Path(folder) / NAME, alone=False)
 
 
 def _sweep(path, alone):
@@ -256,9 +290,18 @@ def _close(lock):
         os.close(lock)
 
 
-def _naming(path, error):
+@contextmanager
+def naming(path, hidden):
+    """Let an OSError of the block name a result, where it names a path with a hidden part."""
+    try:
+        yield
+    except OSError as error:
+        raise _naming(path, error, hidden) from error
+
+
+def _naming(path, error, hidden=ROOM):
     """Return an error that names the result, where it names nothing or a file of the room."""
-    if error.filename is None or ROOM in str(error.filename):
+    if error.filename is None or hidden in str(error.filename):
         code = error.errno or errno.EIO
         return OSError(code, error.strerror or str(error) or os.strerror(code), str(path))
     return error

@@ -1,24 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording of pairs in, a recording of outputs out."""
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-import re
 from uuid import uuid4
 
 from .. import __version__
-from ..core.settings import flat, updated
+from ..core.settings import flat
 from ..errors import RecordingError
-from ..parameters.files import settings_text
+from ..files.atomic import check_place
+from .accounts import Tally, Teller
 from .engine import run_tasks
 from .parts import Parts
-from .refusals import TOLD
 from .tasks import pairs_per_task, readable_plan, tasks_of
-from .working import Run
+from .working import for_workers, Run, Writing
 from .writing import check_writable
-
-FILES = 'color.calibration', 'health.covariance'
-"""Settings that name files: a worker may have another working folder."""
 
 
 @dataclass(frozen=True)
@@ -35,45 +32,6 @@ class Work:
     """Go on with the parts of a run that was stopped."""
     restart: bool = False
     """Remove them."""
-
-
-@dataclass
-class Tally:
-    """How the pairs of a conversion fared."""
-
-    measured: int = 0
-    failed: int = 0
-    """Pairs that were refused."""
-    first_failure: str = None
-    """Which pair was refused first, and why, as text."""
-
-    def add(self, account):
-        """Add the account of a task."""
-        self.measured += account['measured']
-        self.failed += account['failed']
-        self.first_failure = self.first_failure or account['first_failure']
-
-
-class Teller:
-    """
-    Passes on what tasks say: of many sentences that differ in numbers only, the first ones.
-
-    Parameters
-    ----------
-    say : callable
-        Takes a sentence.
-
-    """
-
-    def __init__(self, say):
-        self._say, self._counts = say, {}
-
-    def tell(self, text):
-        """Say a sentence, unless its like was said often enough."""
-        kind = re.sub(r'\d[\d.]*', '#', text)
-        self._counts[kind] = self._counts.get(kind, 0) + 1
-        if self._counts[kind] <= TOLD:
-            self._say(text)
 
 
 class Conversion:
@@ -103,14 +61,15 @@ class Conversion:
     def __init__(self, recording, result, topics, settings, outputs=None, namespace=None,
                  work=Work()):
         check_writable(result, work.overwrite)
+        check_place(result)
         self._recording, self._result, self._topics = recording, Path(result), topics
-        files = {name: str(Path(flat(settings)[name]).resolve())
-                 for name in FILES if flat(settings)[name]}
-        self._settings = updated(settings, files)
+        self._settings = for_workers(settings)
         self._outputs, self._work = outputs and tuple(outputs), work
         self._namespace = (topics.common_namespace if namespace is None
                            else f'/{namespace}/'.replace('//', '/'))
         self._parts = Parts(self._result.resolve())
+        if not (work.resume or work.restart):
+            self._parts.check_none()
         self.plan = None
         """The Plan, once it is made."""
         self.tally = Tally()
@@ -149,12 +108,10 @@ class Conversion:
         if self._work.restart:
             self._parts.remove()
         tasks = tasks_of(self.plan.rows, pairs_per_task(self._settings))
-        with self._parts.opened(self._identity(), settings_text(flat(self._settings)),
+        with self._parts.opened(self._identity(), self._settings,
                                 self.plan.calibrations, resume=self._work.resume):
             try:
                 self._measure(tasks, Teller(say), tick)
-            except OSError as error:
-                raise OSError(error.errno, error.strerror, str(self._result)) from error
             except BaseException:
                 if kept := len(self._parts.done()):
                     say(f'{kept} of {len(tasks)} parts are done and kept; the same command with '
@@ -162,10 +119,7 @@ class Conversion:
                 raise
             if not self.tally.measured:
                 self._parts.remove()
-                raise RecordingError(
-                    f'{self._recording.path}: no pair could be measured: all '
-                    f'{self.tally.failed} pairs were refused; the first: '
-                    f'{self.tally.first_failure}')
+                raise RecordingError(f'{self._recording.path}: {self.tally.reason()}')
             self._parts.join(len(tasks), overwrite=self._work.overwrite)
 
     def _measure(self, tasks, teller, tick):
@@ -174,15 +128,16 @@ class Conversion:
             self.tally.add(self._parts.account(index))
             tick(len(tasks[index].rows))
         left = [task for task in tasks if task.index not in done]
-        for account in run_tasks(self._run(), left, workers=self._work.workers,
-                                 scheduler=self._work.scheduler, tick=tick):
-            self.tally.add(account)
-            for text in account['said']:
-                teller.tell(text)
+        with closing(run_tasks(self._run(), left, workers=self._work.workers,
+                               scheduler=self._work.scheduler, tick=tick)) as accounts:
+            for account in accounts:
+                self.tally.add(account)
+                for text in account['said']:
+                    teller.tell(text)
 
     def _run(self):
         return Run(str(self._recording.path.resolve()), str(self._parts.folder),
-                   self._topics.names, self._outputs, self._namespace, uuid4().hex,
+                   self._topics.names, Writing(self._outputs, self._namespace), uuid4().hex,
                    self._recording.loss is not None)
 
     def _identity(self):

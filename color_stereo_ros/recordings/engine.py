@@ -9,6 +9,8 @@ other, and gives the task of a process that was killed to another one.
 
 from contextlib import contextmanager
 import logging
+from multiprocessing.resource_tracker import ensure_running
+import signal
 
 from ..core.compiled import one_thread
 from ..errors import RecordingError
@@ -64,7 +66,7 @@ def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda count: None):
         return
     with _client(min(workers, len(tasks)), scheduler) as client:
         for account in _distributed(client, run, tasks):
-            tick(account['measured'] + account['failed'])
+            tick(account['pairs'])
             yield account
 
 
@@ -92,8 +94,29 @@ def _client(workers, scheduler):
         return
     with dask.config.set({'distributed.nanny.pre-spawn-environ': ENVIRONMENT,
                           'distributed.scheduler.allowed-failures': DEATHS}), \
-            _local_cluster(workers) as cluster, Client(cluster) as client:
-        yield client
+            _deaf_to_interrupts() as hear, _local_cluster(workers) as cluster:
+        hear()
+        with Client(cluster) as client:
+            yield client
+
+
+@contextmanager
+def _deaf_to_interrupts():
+    """
+    Block SIGINT until what is yielded is called; threads and processes begun before keep it so.
+
+    A terminal sends Ctrl-C to all processes. This one acts, and ends the others.
+
+    """
+    ensure_running()  # its start would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+    def hear():
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        yield hear
+    finally:
+        hear()
 
 
 def _local_cluster(workers):

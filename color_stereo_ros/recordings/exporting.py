@@ -2,28 +2,32 @@
 """A recording of pairs in, files for other programs out."""
 
 from collections import Counter
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from contextlib import closing, contextmanager, ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 import re
+import shutil
+from uuid import uuid4
 
 import numpy as np
 
 from ..errors import RecordingError, SettingsError
+from ..files.atomic import naming, sweep
 from ..files.claim import claimed
 from ..files.film import film
-from ..messages.contents import Header
-from ..messages.outputs import Context
-from ..messages.trimming import trimmed
-from .carrying import TaskStereo
-from .measuring import PairSensor
-from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS, Shot
+from .accounts import Tally, Teller
+from .engine import run_tasks
+from .export_tasks import ChosenTask, Exporting, film_picture
+from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS
 from .reading import seconds
 from .tasks import pairs_per_task, readable_plan, tasks_of
+from .working import for_workers, prepare, Run
 
 FRAMES = re.compile(r'-?\d+|(-?\d+)?:(-?\d+)?(:\d+)?')
 SLOWEST, FASTEST = 0.1, 120.0
 """Pictures a second of a film."""
+HIDDEN = '.color_stereo_export_parts'
+"""Folder within the result: settings for the workers, and pictures until they are in a film."""
 
 
 @dataclass(frozen=True)
@@ -106,17 +110,20 @@ class Export:
     topics : StereoTopics
     settings : RangeNodeSettings
     wanted : Wanted
+    workers : int
+        Processes of this machine.
 
     """
 
-    def __init__(self, recording, folder, topics, settings, wanted=Wanted()):
+    def __init__(self, recording, folder, topics, settings, wanted=Wanted(), workers=1):
         self._recording, self._folder, self._topics = recording, Path(folder), topics
-        self._settings, self._wanted = settings, wanted
+        self._settings, self._wanted = for_workers(settings), wanted
+        self._workers = workers
         self._products = [PRODUCTS[name] for name in dict.fromkeys(wanted.products)]
         self.plan = self.frames = None
         """The Plan, and the indices of the chosen pairs, once they are known."""
-        self.sensor = None
-        """The PairSensor, once it has begun: how the pairs fared."""
+        self.tally = Tally()
+        """How the chosen pairs fared."""
         self.files = 0
         """Files that were written."""
 
@@ -125,7 +132,7 @@ class Export:
         self.plan = readable_plan(self._recording, self._topics, self._settings, say, tick)
         self.frames = chosen_frames(self._wanted.frames, len(self.plan.rows))
 
-    def passes(self):
+    def tasks(self):
         """
         Return the tasks that hold chosen pairs, up to the last of these.
 
@@ -134,25 +141,26 @@ class Export:
 
         Returns
         -------
-        passes : list of (Task, dict)
-            The dict has the places of chosen pairs in the task, and their indices in the plan.
+        tasks : list of ChosenTask
 
         """
-        chosen, passes, first = set(self.frames), [], 0
+        names = stems(self.plan.rows)
+        chosen, tasks, first = set(self.frames), [], 0
         for task in tasks_of(self.plan.rows, pairs_per_task(self._settings)):
-            places = {place: first + place for place in range(len(task.rows))
-                      if first + place in chosen}
+            found = {place: names[first + place] for place in range(len(task.rows))
+                     if first + place in chosen}
             first += len(task.rows)
-            if places:
-                passes.append((replace(task, rows=task.rows[:max(places) + 1]), places))
-        return passes
+            if found:
+                tasks.append(ChosenTask(len(tasks), task.rows[:max(found) + 1], task.warm_up,
+                                        task.settling, found))
+        return tasks
 
     @property
     def pairs(self):
         """Return how many pairs are measured, those before chosen ones included."""
-        return sum(len(task.rows) for task, _ in self.passes())
+        return sum(len(task.rows) for task in self.tasks())
 
-    def measure(self, say, tick=lambda: None):
+    def measure(self, say, tick=lambda count: None):
         """
         Measure the chosen pairs and write their files, each whole or not at all.
 
@@ -161,7 +169,7 @@ class Export:
         say : callable
             Called with a sentence about a pair that is refused, or odd.
         tick : callable
-            Called after each pair.
+            Called with a number of pairs that are done.
 
         Raises
         ------
@@ -170,46 +178,55 @@ class Export:
             measured.
 
         """
-        names = stems(self.plan.rows)
+        tasks = self.tasks()
         single = [item for item in self._products if not item.film]
         films = [item for item in self._products if item.film]
-        files = [f'{names[index]}_{item.ending}' for index in self.frames for item in single]
+        files = [f'{name}_{item.ending}' for task in tasks for name in task.names.values()
+                 for item in single]
         with claimed(self._folder, 'export', files + [item.ending for item in films],
-                     overwrite=self._wanted.overwrite), ExitStack() as reels:
+                     overwrite=self._wanted.overwrite), self._parts() as parts, \
+                ExitStack() as reels:
             adders = [(item, reels.enter_context(film(self._folder / item.ending, self._rate())))
                       for item in films]
-            for index, shot in self._shots(say, tick):
-                for item in single:
-                    item.write(self._folder / f'{names[index]}_{item.ending}', shot)
-                for item, add in adders:
-                    add(item.write(shot))
-                self.files += len(single)
-            if not self.sensor.measured:
-                raise RecordingError(
-                    f'{self._recording.path}: no pair could be measured: all '
-                    f'{self.sensor.failed} chosen pairs were refused; the first: '
-                    f'{self.sensor.first_failure}')
-        self.files += len(films)
+            teller = Teller(say)
+            with closing(run_tasks(self._run(parts), tasks, workers=self._workers,
+                                   tick=tick)) as accounts:
+                for account in in_order(accounts):
+                    self._take(account, teller, parts, adders)
+            if not self.tally.measured:
+                raise RecordingError(f'{self._recording.path}: {self.tally.reason()}')
+        self.files = self.tally.measured * len(single) + len(films)
 
-    def _shots(self, say, tick):
-        """Yield index and Shot of each chosen pair that could be measured."""
-        now = [0]
-        self.sensor = PairSensor(self._topics, self._settings, say, lambda: now[0] * 1e-9)
-        silent = PairSensor(self._topics, self._settings, lambda text: None)
-        measured = TaskStereo(self._topics, self._settings, self.plan.calibrations.__getitem__)
-        for task, places in self.passes():
-            stereo = measured.before(self._recording, task)
-            for place, pair in enumerate(measured.pairs(self._recording, task.rows)):
-                now[0] = pair.recorded
-                sensor = self.sensor if place in places else silent
-                result = sensor.measure(stereo, pair)
-                if result is not None and place in places:
-                    yield places[place], self._shot(result, pair)
-                tick()
+    def _take(self, account, teller, parts, adders):
+        """Count a task, and give its pictures to the films."""
+        self.tally.add(account)
+        for text in account['said']:
+            teller.tell(text)
+        for name in account['names']:
+            for item, add in adders:
+                picture = film_picture(parts, name, item)
+                add(np.load(picture))
+                picture.unlink()
 
-    def _shot(self, result, pair):
-        context = Context.of(Header.of(pair.left.header), self._settings, pair.calibration)
-        return Shot(trimmed(result, context), context, pair.stamp, self._wanted.depth_scale)
+    @contextmanager
+    def _parts(self):
+        """Yield the hidden folder, with what the workers need."""
+        parts = self._folder.resolve() / HIDDEN
+        try:
+            with naming(self._folder, HIDDEN):
+                shutil.rmtree(parts, ignore_errors=True)
+                parts.mkdir()
+                prepare(parts, self._settings, self.plan.calibrations)
+                yield parts
+        finally:
+            shutil.rmtree(parts, ignore_errors=True)
+            sweep(self._folder)  # workers that were ended in the middle of a file
+
+    def _run(self, parts):
+        job = Exporting(str(self._folder.resolve()), tuple(dict.fromkeys(self._wanted.products)),
+                        self._wanted.depth_scale)
+        return Run(str(self._recording.path.resolve()), str(parts), self._topics.names, job,
+                   uuid4().hex, self._recording.loss is not None)
 
     def _rate(self):
         """Return the pictures a second of a film."""
@@ -218,3 +235,13 @@ class Export:
         steps = np.diff(self.plan.rows['time'][self.frames])
         steps = steps[steps > 0]
         return float(np.clip(1e9 / np.median(steps), SLOWEST, FASTEST)) if steps.size else 1.0
+
+
+def in_order(accounts):
+    """Yield the accounts of tasks in the order of their indices, each as soon as it can be."""
+    waiting, following = {}, 0
+    for account in accounts:
+        waiting[account['index']] = account
+        while following in waiting:
+            yield waiting.pop(following)
+            following += 1

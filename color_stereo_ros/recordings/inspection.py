@@ -84,6 +84,10 @@ class Inspection:
     def _problem(self, text):
         self.found['problems'].append(text)
 
+    def _damage(self, *texts):
+        """Note damages, each once."""
+        self.found['damage'] = list(dict.fromkeys([*self.found['damage'], *texts]))
+
     def _doubt(self, text):
         """Note a doubt, once."""
         if text not in self.found['doubts']:
@@ -149,14 +153,14 @@ class Inspection:
         damage = sampler.look().damage
         if not damage or self._recording.loss or not is_salvageable(self._recording.path):
             return sampler
-        self.found['damage'] += damage
+        self._damage(*damage)
         damage.clear()
         try:
             self._recording.salvage()
         except RecordingError as error:
             damage.append(str(error))
             return sampler
-        self.found['damage'].append(self._recording.loss)
+        self._damage(self._recording.loss)
         sampler = self._sampler(topics)
         sampler.look()
         return sampler
@@ -166,10 +170,10 @@ class Inspection:
 
     def _tell_pairing(self, topics, sampler):
         sample, recording = sampler.sample, self._recording
-        self.found['damage'] += sample.damage
+        self._damage(*sample.damage)
         if sampler.refusals:
-            self.found['damage'].append(f'{sampler.refusals} at {sample.windows} places; the '
-                                        f'first: {sampler.refusals.first}')
+            self._damage(f'{sampler.refusals} at {sample.windows} places; the first: '
+                         f'{sampler.refusals.first}')
         expected = missing = None
         if sample.period:
             expected = recording.duration * 1e9 / sample.period + 1
@@ -209,7 +213,7 @@ class Inspection:
         try:
             steps = np.diff(self._recording.record_times(topic)) * 1e-9
         except RecordingError as error:
-            self.found['damage'].append(str(error))
+            self._damage(str(error))
             return []
         return steps[steps > max(PAUSE, PAUSE_PERIODS * (period or 0) * 1e-9)].tolist()
 
@@ -265,7 +269,7 @@ class Inspection:
             message = next(self._recording.messages({topic}), None) if topic else None
             return message and self._recording.decoded(message)
         except RecordingError as error:
-            self.found['damage'].append(str(error))
+            self._damage(str(error))
             return None
 
     def _measure(self, pairs, calibration):

@@ -45,15 +45,14 @@ class PairSensor:
     settings : RangeNodeSettings
     say : callable
         Called with a sentence about a pair that is refused, or odd.
-    clock : callable
-        Returns s; only its differences matter.
 
     """
 
-    def __init__(self, topics, settings, say=print, clock=lambda: 0.0):
+    def __init__(self, topics, settings, say=print):
         self._topics, self._settings, self._say = topics, settings, say
         self._values = SignificantBits()
-        self._doubts = Doubts(self._doubt, clock=clock)
+        self._recorded = 0
+        self._doubts = Doubts(self._doubt, clock=lambda: self._recorded * 1e-9)
         self._told = 0
         self.measured = 0
         """Pairs that gave a result."""
@@ -77,6 +76,7 @@ class PairSensor:
             None: the pair was refused.
 
         """
+        self._recorded = pair.recorded
         try:
             images = self.images_of(pair)
             result = stereo.process(*images)

@@ -15,10 +15,10 @@ import shutil
 import yaml
 
 from ..errors import RecordingError
-from ..files.atomic import folder_written_whole, write_text
+from ..files.atomic import folder_written_whole, naming, write_text
 from ..files.claim import held
 from ..files.yaml import yaml_text
-from .working import ACCOUNT, calibration_names, part_name, read_account, SETTINGS
+from .working import ACCOUNT, part_name, prepare, read_account
 
 RUN = 'run.yaml'
 METADATA = 'metadata.yaml'
@@ -48,8 +48,8 @@ class Parts:
         ----------
         identity : dict
             What the parts depend on, as YAML can hold it.
-        settings : str
-            YAML text for the workers.
+        settings : RangeNodeSettings
+            For the workers.
         calibrations : sequence of StereoCalibration
             For the workers.
         resume : bool
@@ -63,12 +63,11 @@ class Parts:
 
         """
         mark = self.folder.with_name(f'{self.folder.name}.lock')
-        self.folder.parent.mkdir(parents=True, exist_ok=True)
-        with held(mark, self._result):
+        with naming(self._result, self.folder.name):
+            self.folder.parent.mkdir(parents=True, exist_ok=True)
+        with held(mark, self._result), naming(self._result, self.folder.name):
             self._prepare(identity, resume)
-            write_text(self.folder / SETTINGS, settings)
-            for index, calibration in enumerate(calibrations):
-                calibration.to_yaml(*(self.folder / name for name in calibration_names(index)))
+            prepare(self.folder, settings, calibrations)
             try:
                 yield
             except BaseException:
@@ -82,13 +81,18 @@ class Parts:
         if not self.done():
             self.remove()
         elif not resume:
-            raise RecordingError(f'{self._result}: {len(self.done())} parts of an earlier run '
-                                 f'lie in {self.folder}: --resume goes on with them, '
-                                 '--restart removes them')
+            self.check_none()
         else:
             self._check(identity)
         self.folder.mkdir(exist_ok=True)
         write_text(self.folder / RUN, yaml_text(identity))
+
+    def check_none(self):
+        """Raise RecordingError if there are parts of an earlier run."""
+        if count := len(self.done()):
+            raise RecordingError(f'{self._result}: {count} parts of an earlier run lie in '
+                                 f'{self.folder}: --resume goes on with them, --restart removes '
+                                 'them')
 
     def _check(self, identity):
         """Refuse parts of another run."""

@@ -15,7 +15,7 @@ import re
 import numpy as np
 
 from ..errors import RecordingError
-from .salvage import is_salvageable, SalvagedMcap
+from .salvage import is_salvageable, Salvaged
 from .sources import opened
 from .topics import NOTHING_NAMED, stereo_topics
 from .types import typestore
@@ -50,7 +50,7 @@ class Recording:
     path : str or Path
         A rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 bag.
     salvaged : bool
-        Take what can be read of damaged MCAP files; `loss` tells what is missing.
+        Take what can be read of damaged MCAP or SQLite files; `loss` tells what is missing.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class Recording:
         self.loss = None
         """What cannot be read of a salvaged recording, as text; None: it is taken as whole."""
         if salvaged:
-            self._take(SalvagedMcap(self.path))
+            self._take(Salvaged(self.path))
             self.loss = str(self._source.loss)
             return
         with self._explained():
@@ -85,7 +85,7 @@ class Recording:
 
     def salvage(self):
         """
-        Go on with what can be read of damaged MCAP files.
+        Go on with what can be read of damaged MCAP or SQLite files.
 
         Raises
         ------
@@ -93,7 +93,7 @@ class Recording:
             If nothing can be read.
 
         """
-        source = SalvagedMcap(self.path)
+        source = Salvaged(self.path)
         self._source.close()
         self._take(source)
         self.loss = str(source.loss)
@@ -192,7 +192,7 @@ class Recording:
 
 def open_readable(path, say):
     """
-    Open a recording; of damaged MCAP files, open what can be read.
+    Open a recording; of damaged MCAP or SQLite files, open what can be read.
 
     Parameters
     ----------
@@ -216,8 +216,13 @@ def open_readable(path, say):
         if 'metadata.yaml' in str(error) or not is_salvageable(path):
             raise
         recording = Recording(path, salvaged=True)
-        say(f'{error}; read is what is whole: {recording.loss}')
+        say(loss_told(error, recording))
         return recording
+
+
+def loss_told(error, recording):
+    """Return an error and what it costs as one sentence."""
+    return f'{error}; read is what is whole: {recording.loss}'
 
 
 def _damage(error):
@@ -231,6 +236,8 @@ def _damage(error):
         return 'metadata.yaml is no YAML' + (f', see line {line.group(1)}' if line else '')
     if 'Invalid bag metadata' in text or isinstance(error, UnicodeDecodeError):
         return ('metadata.yaml' if 'metadata' in text else 'an entry') + ' has impossible contents'
+    if 'disk image is malformed' in text or 'Cannot open database' in text:
+        return 'its pages of SQLite do not fit together'
     known = rosbag1.ReaderError, rosbag2.ReaderError
     if 'File end magic' in text:
         return 'its end is missing; `mcap recover` makes a new file of what is whole'

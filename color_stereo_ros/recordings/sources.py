@@ -15,6 +15,7 @@ from .types import new_typestore
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
 _ROS1 = b'#ROSBAG V'
+_KINDS = 'a rosbag2 folder, an .mcap or .db3 file, or a ROS 1 bag'
 _PACKED = {_ZSTD: ('zstd', 'zstd -d'), b'\x1f\x8b': ('gzip', 'gunzip'),
            b'BZh': ('bzip2', 'bunzip2'), b'\xfd7zXZ': ('xz', 'unxz'),
            b'\x04\x22\x4d\x18': ('lz4', 'unlz4'), b'PK\x03\x04': ('zip', 'unzip')}
@@ -63,8 +64,13 @@ def _check_folder(path):
     """Refuse a folder that is no rosbag2 recording."""
     if (path / 'metadata.yaml').exists():
         return
-    files = sorted(item.name for item in path.iterdir()
-                   if item.suffix in ('.mcap', '.db3', '.bag'))
+    inside = sorted(path.iterdir())
+    files = [item.name for item in inside if item.suffix in ('.mcap', '.db3', '.bag')]
+    folders = [item.name for item in inside if (item / 'metadata.yaml').exists()]
+    if folders and not files:
+        raise RecordingError(f'{path}: is no recording, but holds {", ".join(folders[:5])}: name '
+                             f'{"it" if len(folders) == 1 else "one of these"}, such as '
+                             f'{path / folders[0]}')
     advice = f'; it holds {", ".join(files[:5])}: name one of these files' if files else ''
     raise RecordingError(f'{path}: no metadata.yaml inside: not a rosbag2 folder, or its recorder '
                          f'was stopped before it had finished{advice}')
@@ -82,6 +88,11 @@ def _check_file(path, start):
     for magic, suffix in _SUFFIXES.items():
         if start.startswith(magic) and path.suffix != suffix:
             raise RecordingError(f'{path}: is a recording, but its name must end with {suffix}')
+    if not start:
+        raise RecordingError(f'{path}: is empty')
+    if not any(start.startswith(magic) for magic in _SUFFIXES):
+        raise RecordingError(f'{path}: is no recording: neither MCAP, SQLite nor a ROS 1 bag '
+                             f'begins as it does; expected {_KINDS}')
 
 
 def _check_single(path, source):

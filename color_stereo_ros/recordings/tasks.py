@@ -20,12 +20,13 @@ from ..core import StereoCalibration
 from ..errors import RecordingError
 from ..messages.reading import stamp_ns
 from .pairing import FoundPair, Pairing, Places, Taken
+from .reading import loss_told
 from .salvage import is_salvageable
 
 PAIRS = 64
 """Pairs of a task; chosen: the warm-up costs 5 % then, and a killed process seconds."""
 WARM_UP = 3
-"""Pairs before a task; chosen by evaluation/carried.py, docs/scale.md shows what it leaves."""
+"""Pairs before a task; chosen by bench/conversion.py, docs/scale.md shows what it leaves."""
 SETTLING = 8
 """Pairs after which a change of what is carried no longer shows; chosen likewise."""
 
@@ -49,6 +50,8 @@ class Plan:
     """Refusals: messages that could not be decoded."""
     reason: str
     """Why there is no pair; meaningless where there are pairs."""
+    missing: int
+    """Messages fewer than the recording says that it holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +92,16 @@ def plan_of(recording, topics, settings, say, tick=lambda message: None):
 
     """
     pairing, calibrations, rows = Pairing(recording, topics, settings, say), [], []
+    missing = sum(recording.counts[topic] for topic in topics.names)
     for message in recording.messages(topics.names):
         for pair in pairing.take(message):
             if not calibrations or calibrations[-1] is not pair.calibration:
                 calibrations.append(pair.calibration)
             rows.append(_row(pair, len(calibrations) - 1))
+        missing -= 1
         tick(message)
     return Plan(np.array(rows, ROW), tuple(calibrations), pairing.unpaired, pairing.refusals,
-                pairing.reason())
+                pairing.reason(), missing)
 
 
 def readable_plan(recording, topics, settings, say, tick=lambda message: None):
@@ -111,11 +116,14 @@ def readable_plan(recording, topics, settings, say, tick=lambda message: None):
     """
     try:
         plan = plan_of(recording, topics, settings, say, tick)
+        if plan.missing > 0 and recording.loss is None:
+            raise RecordingError(f'{recording.path}: damaged: {plan.missing} messages fewer than '
+                                 'it says that it holds')
     except RecordingError as error:
         if recording.loss is not None or not is_salvageable(recording.path):
             raise
         recording.salvage()
-        say(f'{error}; read is what is whole: {recording.loss}')
+        say(loss_told(error, recording))
         plan = plan_of(recording, topics, settings, say, tick)
     if not len(plan.rows):
         raise RecordingError(f'{recording.path}: no pair could be measured: {plan.reason}')

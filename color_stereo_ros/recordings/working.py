@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a process does that measures tasks of a recording: one at a time, each into a part."""
+"""What a process does that measures tasks of a recording, one at a time."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,10 +8,10 @@ import yaml
 
 from .. import __version__
 from ..core import RecordingError, StereoCalibration
-from ..core.settings import updated
+from ..core.settings import flat, updated
 from ..files.atomic import folder_written_whole, write_text
 from ..files.yaml import yaml_text
-from ..parameters.files import read_settings
+from ..parameters.files import read_settings, settings_text
 from ..parameters.groups import RangeNodeSettings
 from .carrying import TaskStereo
 from .measuring import OutputWriter, PairSensor
@@ -22,6 +22,8 @@ from .writing import open_writer
 ACCOUNT = 'account.yaml'
 """File of a part that tells how its task went."""
 SETTINGS = 'settings.yaml'
+FILES = 'color.calibration', 'health.covariance'
+"""Settings that name files."""
 _workers = {}
 
 
@@ -35,22 +37,35 @@ def part_name(index):
     return f'part_{index:06d}'
 
 
+def for_workers(settings):
+    """Return settings whose files have their full names: a worker may have another folder."""
+    files = {name: str(Path(flat(settings)[name]).resolve())
+             for name in FILES if flat(settings)[name]}
+    return updated(settings, files)
+
+
+def prepare(folder, settings, calibrations):
+    """Write what all workers of a run need into its folder, RangeNodeSettings and calibrations."""
+    write_text(folder / SETTINGS, settings_text(flat(settings)))
+    for index, calibration in enumerate(calibrations):
+        calibration.to_yaml(*(folder / name for name in calibration_names(index)))
+
+
 @dataclass(frozen=True)
 class Run:
     """
-    What all tasks of a conversion have in common; plain values, for any machine.
+    What all tasks of a run have in common; plain values, for any machine.
 
     Settings and calibrations lie as YAML in the folder, which every process sees.
     """
 
     recording: str
     folder: str
-    """Where the parts are written."""
+    """Where `prepare` has written, and the tasks write."""
     topics: tuple
     """Names of the four topics."""
-    outputs: tuple | None
-    """Relative topics to write, see OutputWriter."""
-    namespace: str
+    job: object
+    """What is done with the results: its `measure(worker, task, tick)` returns an account."""
     token: str
     """Another one for each run: nothing is kept from one run to the next."""
     salvaged: bool = False
@@ -60,7 +75,7 @@ class Run:
 
 def measure_task(run, task, tick=lambda: None):
     """
-    Measure a task of a run and write its part, whole or not at all.
+    Measure a task of a run.
 
     Parameters
     ----------
@@ -72,12 +87,12 @@ def measure_task(run, task, tick=lambda: None):
     Returns
     -------
     account : dict
-        index, measured, failed: int; first_failure: str or None; said: list of str.
+        See `account_of`; the job may add to it.
 
     Raises
     ------
     RecordingError
-        If recording or part cannot be read or written, or this process runs another version of
+        If recording or result cannot be read or written, or this process runs another version of
         the package.
 
     """
@@ -92,7 +107,8 @@ def measure_task(run, task, tick=lambda: None):
 
 def forget_runs():
     """Free what is kept from task to task."""
-    _workers.clear()
+    while _workers:
+        _workers.popitem()[1].close()
 
 
 class Worker:
@@ -106,36 +122,90 @@ class Worker:
     """
 
     def __init__(self, run):
-        self._run, self._folder = run, Path(run.folder)
-        self._topics = StereoTopics(*run.topics)
+        self._run = run
+        self.folder = Path(run.folder)
+        self.topics = StereoTopics(*run.topics)
         defaults = RangeNodeSettings()
-        self._settings = updated(defaults, read_settings(self._folder / SETTINGS, defaults))
-        self._tasks = TaskStereo(self._topics, self._settings, self._calibration)
+        self.settings = updated(defaults, read_settings(self.folder / SETTINGS, defaults))
+        """RangeNodeSettings of the run."""
+        self._tasks = TaskStereo(self.topics, self.settings, self._calibration)
+        self._recording = None
 
     def measure(self, task, tick):
         """Measure a task, see `measure_task`."""
-        said, now = [], [0]
-        sensor = PairSensor(self._topics, self._settings, said.append, lambda: now[0] * 1e-9)
-        with Recording(self._run.recording, self._run.salvaged) as recording, \
-                folder_written_whole(self._folder / part_name(task.index), replace=True) as part:
-            stereo = self._tasks.before(recording, task)
+        return self._run.job.measure(self, task, tick)
+
+    def pairs(self, task):
+        """
+        Yield the pairs of a task, and the ColorStereo that is to measure them in turn.
+
+        Yields
+        ------
+        stereo : ColorStereo
+        pair : FoundPair
+
+        """
+        if self._recording is None:
+            self._recording = Recording(self._run.recording, self._run.salvaged)
+        stereo = self._tasks.before(self._recording, task)
+        for pair in self._tasks.pairs(self._recording, task.rows):
+            yield stereo, pair
+
+    def close(self):
+        """Close the recording."""
+        if self._recording is not None:
+            self._recording.__exit__()
+            self._recording = None
+
+    def _calibration(self, index):
+        return StereoCalibration.from_yaml(
+            *(self.folder / name for name in calibration_names(index)))
+
+
+def account_of(task, sensor, said):
+    """
+    Return the account of a task, as YAML can hold it.
+
+    Parameters
+    ----------
+    task : Task
+    sensor : PairSensor
+        Has measured the pairs that count.
+    said : list of str
+
+    Returns
+    -------
+    account : dict
+        index, pairs, measured, failed: int; first_failure: str or None; said: list of str.
+
+    """
+    return {'index': task.index, 'pairs': len(task.rows), 'measured': sensor.measured,
+            'failed': sensor.failed, 'first_failure': sensor.first_failure, 'said': said}
+
+
+@dataclass(frozen=True)
+class Writing:
+    """The job of `convert`: each task becomes a part of a recording."""
+
+    outputs: tuple | None
+    """Relative topics to write, see OutputWriter."""
+    namespace: str
+
+    def measure(self, worker, task, tick):
+        """Measure a task and write its part, whole or not at all; return its account."""
+        said = []
+        sensor = PairSensor(worker.topics, worker.settings, said.append)
+        with folder_written_whole(worker.folder / part_name(task.index), replace=True) as part:
             with open_writer(part) as writer:
-                outputs = OutputWriter(writer, self._settings, self._run.outputs,
-                                       self._run.namespace)
-                for pair in self._tasks.pairs(recording, task.rows):
-                    now[0] = pair.recorded
+                outputs = OutputWriter(writer, worker.settings, self.outputs, self.namespace)
+                for stereo, pair in worker.pairs(task):
                     result = sensor.measure(stereo, pair)
                     if result is not None:
                         outputs.write(result, pair)
                     tick()
-            account = {'index': task.index, 'measured': sensor.measured, 'failed': sensor.failed,
-                       'first_failure': sensor.first_failure, 'said': said}
+            account = account_of(task, sensor, said)
             write_text(part / ACCOUNT, yaml_text(account))
         return account
-
-    def _calibration(self, index):
-        return StereoCalibration.from_yaml(
-            *(self._folder / name for name in calibration_names(index)))
 
 
 def read_account(part):

@@ -25,6 +25,9 @@ class MeasuredFrames:
 
     """
 
+    partly = False
+    """Whether a part of the source cannot be read."""
+
     def __init__(self):
         self._kept, self._lock = OrderedDict(), RLock()
 
@@ -89,6 +92,7 @@ class RecordedFrames(MeasuredFrames):
         super().__init__()
         self._recording, self._settings = recording, settings
         plan = readable_plan(recording, topics, settings, say, tick)
+        self.partly = bool(recording.loss or plan.refusals)
         self._tasks = tasks_of(plan.rows, 1)
         self._stereo = TaskStereo(topics, settings, plan.calibrations.__getitem__)
         self._sensor = PairSensor(topics, settings, say=lambda text: None)
