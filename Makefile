@@ -39,7 +39,7 @@ evaluate:  ## the paper's experiments on the simulated rig, as a report in evalu
 	@$(COLOR_STEREO) evaluate
 
 floor:  ## run all tests on the oldest versions that are supported, Ubuntu 24.04's
-	@VENV=.venv-floor PYTHONS=3.12 PIP_CONSTRAINT=test/floor-requirements.txt \
+	@VENV=.venv-floor PYTHONS=3.12 PIP_CONSTRAINT=constraints/oldest.txt \
 	  .ci/setup ros,tools,sim,view,project,test
 	@.venv-floor/bin/python -m pytest -p no:cacheprovider $(ON_ALL_CORES)
 

@@ -1,4 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Single-shot colour range finding with two cameras and a projected colour pattern."""
+"""Single-shot color range finding with two cameras and a projected color pattern."""
 
-__version__ = '0.1.0'
+from importlib.metadata import PackageNotFoundError, version
+
+try:
+    __version__ = version(__name__)
+except PackageNotFoundError:  # sources that nobody has installed
+    __version__ = 'unknown'

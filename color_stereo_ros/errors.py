@@ -28,6 +28,17 @@ def brief(value):
     return f'{text[:_SHOWN // 2]}... ({length} characters) ...{text[-_SHOWN // 4:]}'
 
 
+def pip_install(extra):
+    """
+    Return the command that installs an extra of this package, for messages.
+
+    It is right for a wheel and for an installation in place: pip takes the package that is there,
+    and installs what the extra adds.
+
+    """
+    return f'pip install "color_stereo_ros[{extra}]"'
+
+
 def bounded(text, limit=_BOUND):
     """Return a text for a log or for diagnostics; what exceeds the limit is cut off."""
     return text if len(text) <= limit else f'{text[:limit]}... ({len(text)} characters)'

@@ -317,5 +317,5 @@ def test_every_source_begins_with_its_license():
         return (PACKAGE / name).read_text(encoding='utf-8').splitlines()[:2]
 
     assert [name for name in SOURCES
-            if first_lines(name) and '# SPDX-License-Identifier: Apache-2.0' not in
+            if first_lines(name) and '# SPDX-License-' 'Identifier: Apache-2.0' not in
             first_lines(name)] == []

@@ -166,5 +166,5 @@ def test_a_page_without_its_extra_is_refused_with_what_to_install(tmp_path, monk
     output = tmp_path / 'out'
     assert cli.main(['calibrate', 'geometry', '--live', '--page', '0', '--output',
                      str(output)]) == 1
-    assert "pip install '.[view]'" in capsys.readouterr().err
+    assert 'pip install "color_stereo_ros[view]"' in capsys.readouterr().err
     assert not output.exists()

@@ -124,7 +124,7 @@ def test_a_missing_extra_is_named_with_the_command_that_installs_it(failing, cap
                                                                      extra):
     assert failing(ModuleNotFoundError('no module', name=module)) == 1
     said = capsys.readouterr().err
-    assert f"pip install '.[{extra}]' in the folder of the sources" in said
+    assert f'pip install "color_stereo_ros[{extra}]"' in said
     assert ('setup.bash' in said) == (extra == 'ros')
 
 

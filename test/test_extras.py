@@ -131,14 +131,15 @@ def test_a_command_without_an_extra_says_which_one_it_needs(case, inputs):
     assert ran.returncode == 1
     assert 'Traceback' not in ran.stderr
     last = ran.stderr.splitlines()[-1]
-    assert last.startswith('color_stereo: ') and 'pip install ' in last and f"'.[{extra}]'" in last
+    assert last.startswith('color_stereo: ') and last.count('pip install ') == 1
+    assert last.endswith(f'pip install "color_stereo_ros[{extra}]"')
     assert f'[{extra}]' in cli.find_commands(constant='NEEDS')[case.partition(',')[0]]
 
 
 def test_a_bare_installation_is_told_of_all_that_render_needs(inputs):
     ran = run(WITHOUT.format(missing=modules_beside()) + COMMAND, 'render', 'card.yaml', 'never',
               cwd=inputs)
-    assert ran.returncode == 1 and "'.[sim]'" in ran.stderr and 'tools' not in ran.stderr
+    assert ran.returncode == 1 and 'color_stereo_ros[sim]' in ran.stderr and 'tools' not in ran.stderr
 
 
 def pack(folder):
@@ -199,7 +200,7 @@ def test_a_node_without_ros_ends_with_one_sentence(module, tmp_path):
     ran = run(WITHOUT.format(missing=set(cli.EXTRAS['ros'])) + NODE.format(module), cwd=tmp_path)
     assert ran.returncode == 1 and ran.stderr.count('\n') == 1
     assert 'rclpy is not installed' in ran.stderr and 'setup.bash of ROS 2' in ran.stderr
-    assert '[ros]' in ran.stderr
+    assert 'pip install "color_stereo_ros[ros]"' in ran.stderr
 
 
 def test_the_sample_of_the_package_is_a_pair_of_the_sample_recordings_and_small():

@@ -252,7 +252,7 @@ def test_without_mitsuba_the_extra_is_named():
             '    print(error)\n')
     said = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True,
                           env={**os.environ, 'COLOR_STEREO_SIM_VARIANT': 'scalar_rgb'}).stdout
-    assert "pip install '.[sim]'" in said and 'Mitsuba' in said
+    assert 'pip install "color_stereo_ros[sim]"' in said and 'Mitsuba' in said
 
 
 VARIANT = """

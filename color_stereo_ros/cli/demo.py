@@ -54,10 +54,11 @@ def look_at(sample, port):
 
     from ..demo.layout import RECORDING, SETTINGS
     from ..demo.run import settings_of
+    from ..errors import pip_install
     from ..recordings.reading import Recording
     from .view import recorded, serve
     if find_spec('viser') is None:
-        print("To look at every pixel: pip install '.[view]', then\n"
+        print(f'To look at every pixel: {pip_install("view")}, then\n'
               f'  color_stereo view {sample / RECORDING} --config {sample / SETTINGS}')
         return
     with Recording(sample / RECORDING) as recording:

@@ -211,11 +211,10 @@ def _missing_extra(error):
     missing = (error.name or '').partition('.')[0]
     for extra, modules in EXTRAS.items():
         if missing in modules:
+            from ..errors import pip_install
             return (f'this command needs {missing!r}, which is not installed: '
-                    + ('source the setup.bash of ROS 2' if extra == 'ros'
-                       else f'pip install {missing.replace("drjit", "mitsuba")}')
-                    + f", or pip install '.[{extra}]' in the folder of the sources (README, "
-                    'Extras)')
+                    + ('source the setup.bash of ROS 2, or ' if extra == 'ros' else '')
+                    + pip_install(extra))
     raise error
 
 

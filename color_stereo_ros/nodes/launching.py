@@ -7,6 +7,7 @@ These programs know better, and then become the other program: signals reach it.
 
 """
 
+from importlib.util import find_spec
 import os
 import shlex
 import shutil
@@ -56,6 +57,10 @@ def play_recording(args=None):
     if program is None:
         print('ros2 is not on the PATH: source the setup.bash of ROS 2, or use `color_stereo '
               'replay`, which needs none', file=sys.stderr)
+        return 1
+    if find_spec('ros2bag') is None:
+        print('`ros2 bag` is not installed (ros-jazzy-ros2bag, ros-jazzy-rosbag2-storage-mcap): '
+              'install it, or use `color_stereo replay`, which needs none', file=sys.stderr)
         return 1
     return _become(program, [*PLAYER, *options, recording])
 

@@ -7,7 +7,7 @@ import sys
 import threading
 import traceback
 
-from ..errors import InstallationError
+from ..errors import InstallationError, pip_install
 from . import usage as help_text
 from .environment import prepare
 
@@ -56,7 +56,7 @@ def _what_to_install(error):
     if (error.name or '').partition('.')[0] != 'rclpy':
         raise error
     return ('rclpy is not installed, but the nodes need ROS 2: source the setup.bash of ROS 2, or '
-            'install the extra [ros] of color_stereo_ros (README, Extras)')
+            + pip_install('ros'))
 
 
 def _run_until_signal(make_node, args):

@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 
+from ..errors import pip_install
 from .errors import SimulatorMissingError
 
 LLVM_PLACES = (
@@ -99,8 +100,7 @@ def load_mitsuba():
         import mitsuba
     except ImportError as error:
         raise SimulatorMissingError(
-            f'the simulated rig needs Mitsuba 3 ({error}): pip install mitsuba, or pip install '
-            "'.[sim]' in the folder of the sources (README, Extras)") from error
+            f'the simulated rig needs Mitsuba 3 ({error}): {pip_install("sim")}') from error
     mitsuba.set_variant(variant)
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     return mitsuba
