@@ -84,7 +84,7 @@ setup(
         'cluster': ['distributed>=2023.1'],
         'view': ['viser>=1.1'],
         'test': ['pytest>=7.4', 'pytest-xdist>=3.4', 'colcon-common-extensions', 'setuptools<80',
-                 'playwright>=1.40'],
+                 'playwright>=1.40', 'mypy>=1.8'],
     },
     zip_safe=False,
     entry_points={'console_scripts': [

@@ -31,6 +31,7 @@ DOORS = {
             'nodes',
     'cli': 'errors files core parameters messages patience pages calibration sim evaluation '
            'recordings nodes viewer bench demo',
+    '__main__': 'cli',
 }
 # Modules with a door of their own: the node that plays the simulated rig, the boards that the rig
 # sees, and what measures the viewer with the pair of the command `process`.

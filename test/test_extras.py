@@ -139,7 +139,8 @@ def test_a_command_without_an_extra_says_which_one_it_needs(case, inputs):
 def test_a_bare_installation_is_told_of_all_that_render_needs(inputs):
     ran = run(WITHOUT.format(missing=modules_beside()) + COMMAND, 'render', 'card.yaml', 'never',
               cwd=inputs)
-    assert ran.returncode == 1 and 'color_stereo_ros[sim]' in ran.stderr and 'tools' not in ran.stderr
+    assert ran.returncode == 1
+    assert 'color_stereo_ros[sim]' in ran.stderr and 'tools' not in ran.stderr
 
 
 def pack(folder):

@@ -122,7 +122,8 @@ def launched(function, *words, path, programs=('ros2', 'ros2bag', 'rviz2')):
     code = f'from color_stereo_ros.nodes.launching import {function} as main; ' \
            'raise SystemExit(main())'
     return subprocess.run([sys.executable, '-c', code, *words], cwd=ROOT, capture_output=True,
-                          text=True, env={**os.environ, 'PATH': str(path), 'PYTHONPATH': str(path)})
+                          text=True,
+                          env={**os.environ, 'PATH': str(path), 'PYTHONPATH': str(path)})
 
 
 @pytest.mark.parametrize('text, options', [

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arrays import Doubles
+
 WINDOW = 8
 """Nodes that a window counts, see `surface/coarse_kernels.sum_window`."""
 DIRECTIONS = 4
@@ -15,11 +17,11 @@ DIRECTIONS = 4
 class CostCurve:
     """The costs of one pixel over the disparities that were searched; lower fits better."""
 
-    disparity: np.ndarray
+    disparity: Doubles
     """float64 (D,), px, rising; a step is one node of the coarse grid."""
-    window: np.ndarray
+    window: Doubles
     """float64 (D,), 0 .. 1: how much the colors around the pixel differ, 1 = the cap."""
-    path: np.ndarray
+    path: Doubles
     """
     float64 (D,), 0 = the disparity that the search chose.
 

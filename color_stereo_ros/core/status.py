@@ -19,12 +19,12 @@ class Status(IntEnum):
     MOVED = 9
 
     @property
-    def label(self):
+    def label(self) -> str:
         """Return the name as people write it, for example 'out of range'."""
         return self.name.lower().replace('_', ' ')
 
     @property
-    def meaning(self):
+    def meaning(self) -> str:
         """Return one sentence for people."""
         return STATUS_MEANINGS[self]
 

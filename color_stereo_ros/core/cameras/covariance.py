@@ -3,6 +3,8 @@
 
 from dataclasses import dataclass
 import hashlib
+from os import PathLike
+from typing import Self
 
 import cv2
 import numpy as np
@@ -63,7 +65,7 @@ class StereoCovariance:
                    hashes_of(calibration))
 
     @classmethod
-    def read(cls, path):
+    def read(cls, path: str | PathLike[str]) -> Self:
         """
         Read a file that `write` has written.
 
@@ -93,7 +95,7 @@ class StereoCovariance:
         except CalibrationError as error:
             raise CalibrationError(f'{path}: {error}') from error
 
-    def write(self, path):
+    def write(self, path: str | PathLike[str]) -> None:
         """
         Write a YAML file; an existing file is replaced as a whole.
 

@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
+from ..arrays import Bytes, Mask
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class RectifiedGeometry:
     """Distance of the optical centers, m, > 0."""
 
     @property
-    def principal_offset(self):
+    def principal_offset(self) -> float:
         """Return cx_left - cx_right, px: the disparity of a point at infinity."""
         return self.center_x_left - self.center_x_right
 
     @property
-    def focal_baseline(self):
+    def focal_baseline(self) -> float:
         """Return focal length times baseline, px m."""
         return self.focal_x * self.baseline
 
@@ -47,12 +47,12 @@ class RectifiedGeometry:
 class RectifiedPair:
     """Two color images whose epipolar lines are the image rows."""
 
-    left: np.ndarray
+    left: Bytes
     """uint8 (H, W, 3), RGB; 0 outside the raw image."""
-    right: np.ndarray
+    right: Bytes
     """uint8 (H, W, 3), RGB; 0 outside the raw image."""
-    left_inside: np.ndarray
+    left_inside: Mask
     """bool (H, W): the rectified pixel lies inside the raw left image."""
-    right_inside: np.ndarray
+    right_inside: Mask
     """bool (H, W): the rectified pixel lies inside the raw right image."""
     geometry: RectifiedGeometry

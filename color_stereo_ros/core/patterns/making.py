@@ -4,12 +4,13 @@
 import numpy as np
 
 from ...errors import SettingsError
+from ..arrays import Bytes
 from ..settings import PatternSettings
 from .blocks import RowColors, slices
 from .registry import makable, PATTERNS
 
 
-def make_pattern(settings=PatternSettings()):
+def make_pattern(settings: PatternSettings = PatternSettings()) -> Bytes:
     """
     Return the image that the projector must show.
 

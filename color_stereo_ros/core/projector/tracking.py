@@ -2,6 +2,7 @@
 """The projector from pair to pair: carried, followed, found again."""
 
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -48,21 +49,21 @@ class Track:
     """The model for which the third view has blurred the pattern; a new one if that is far off."""
 
     @classmethod
-    def known(cls, model):
+    def known(cls, model: ProjectorModel | None) -> Self:
         """Return a track that holds a model as it is; None: two views only."""
         return cls(model, agreeing=model is not None, held=True)
 
     @property
-    def due(self):
+    def due(self) -> bool:
         """Return whether a search may help: the projector is not where the model says."""
         return not self.held and not self.agreeing and self.wait == 0
 
     @property
-    def usable(self):
+    def usable(self) -> bool:
         """Return whether the projector takes part in the pair."""
         return self.agreeing and self.model is not None
 
-    def sentence(self):
+    def sentence(self) -> str:
         """Return what people should know of the projector, as one sentence."""
         if self.agreeing:
             return self.model.sentence() + ('' if self.explains else UNEXPLAINED)
@@ -73,7 +74,7 @@ class Track:
         return 'projector not found yet' if self.model is None else (
             'projector lost: it was moved, is dark, or shows something else')
 
-    def but(self, **changes):
+    def but(self, **changes: Any) -> 'Track':
         """Return this track with some fields replaced."""
         return replace(self, **changes)
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fields of settings: what they know of themselves, how they are checked, listed and replaced."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, fields, replace
 from itertools import groupby
 import math
+from typing import Any
 
 from ...errors import brief, SettingsError
 from ...files.yaml import about_number
@@ -43,8 +44,8 @@ class Metadata(Mapping):
 OFF = 'off'
 
 
-def setting(default, description, *, unit='', minimum=None, maximum=None, choices=None, off=None,
-            method=None):
+def setting(default: Any, description: str | Callable[[], str], *, unit='', minimum=None,
+            maximum=None, choices=None, off=None, method=None) -> Any:
     """
     Return a dataclass field that knows its description, unit and legal values.
 
@@ -77,7 +78,7 @@ def setting(default, description, *, unit='', minimum=None, maximum=None, choice
 class Group:
     """Base of a group of settings: checks every field when it is built."""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check type and range of every field; an integer is taken for a float."""
         for spec in fields(self):
             object.__setattr__(self, spec.name, _checked(self, spec, getattr(self, spec.name)))

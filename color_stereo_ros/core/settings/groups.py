@@ -7,7 +7,9 @@ the fields below.
 
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 from ...errors import SettingsError
 from ..methods import METHODS
@@ -154,7 +156,7 @@ class MatchingSettings(Group):
         'median disparity of the surroundings; 0 = global limits only',
         unit='px', minimum=0.0, maximum=256.0)
 
-    def check_together(self):
+    def check_together(self) -> None:
         """Refuse even windows: they have no center."""
         for name in ('window_width', 'window_height'):
             if getattr(self, name) % 2 == 0:
@@ -173,7 +175,7 @@ class RangeSettings(Group):
     max_depth: float = setting(1.0, 'farthest Z that is searched', unit='m',
                                minimum=0.001, maximum=1000.0)
 
-    def check_together(self):
+    def check_together(self) -> None:
         """Refuse an empty range."""
         if self.min_depth >= self.max_depth:
             raise SettingsError(f'range.min_depth = {self.min_depth} m must be smaller than '
@@ -216,7 +218,7 @@ class Settings:
             if not isinstance(value, type(spec.default)):
                 raise SettingsError(f'{spec.name} = {value!r} is no {type(spec.default).__name__}')
 
-    def updated(self, values):
+    def updated(self, values: Mapping[str, Any]) -> 'Settings':
         """
         Return settings with some values replaced, all groups checked as a set.
 
@@ -237,6 +239,6 @@ class Settings:
         """
         return updated(self, values)
 
-    def flat(self):
+    def flat(self) -> dict[str, Any]:
         """Return a dict of flat names (`'range.min_depth'`) to values."""
         return flat(self)
