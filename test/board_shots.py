@@ -3,13 +3,14 @@
 
 from functools import lru_cache
 
-import cv2
-import numpy as np
-
 from color_stereo_ros.calibration.boards import Board
 from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.sim.boards import board_pair
 from color_stereo_ros.sim.geometry import Pose
+
+import cv2
+
+import numpy as np
 
 SIZE = WIDTH, HEIGHT = 640, 480
 BASELINE = 0.2

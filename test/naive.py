@@ -274,9 +274,8 @@ def slopes_at_pixel(slopes, v, u):
     j, i = min(v // 2, rows - 1), min(u // 2, columns - 1)
     found = np.array(slopes[j][i])
     for off, dj, di in (((v - 2 * j - 0.5) / 2, 1, 0), ((u - 2 * i - 0.5) / 2, 0, 1)):
-        around = [slopes[min(max(j + sign * dj, 0), rows - 1)][min(max(i + sign * di, 0),
-                                                                  columns - 1)]
-                  for sign in (-1, 1)]
+        around = [slopes[min(max(j + sign * dj, 0), rows - 1)]
+                  [min(max(i + sign * di, 0), columns - 1)] for sign in (-1, 1)]
         for k in (0, 1):
             here = slopes[j][i][k]
             changes = [change for change in (here - around[0][k], around[1][k] - here)

@@ -70,7 +70,7 @@ def variance(values, window_pixels, lag=5):
     jacobian = np.array([differentiated(values, x, y) for x, y in zip(columns, rows)])
     residual = np.array([value - model(values, x, y) for x, y, value in zip(columns, rows, seen)])
     influence = (jacobian @ np.linalg.inv(jacobian.T @ jacobian))[:, :2] * residual[:, None]
-    at = {place: push for place, push in zip(zip(columns, rows), influence)}
+    at = dict(zip(zip(columns, rows), influence))
     twice = np.floor(2 * (values[:2] - (columns[0], rows[0])) + 0.5).astype(int)
     twice += 2 * np.array([columns[0], rows[0]])
     # A pixel outside of the window may lie opposite to one inside.

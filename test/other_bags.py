@@ -18,6 +18,7 @@ OTHER = ('/stereo/left/image_color', '/stereo/right/image_color', '/stereo/left/
 DISPARITY = 8
 DEPTH = 1.0  # m: focal length 80 px, baseline 0.1 m, disparity 8 px
 
+
 def contents(index, stamp, seen=lambda *pair: pair):
     """Return the images and camera_infos of one pair in the order of `USUAL`."""
     rig, pair = parallel_rig(), seen(*hue_pair(DISPARITY))

@@ -19,7 +19,7 @@ if 'COLOR_STEREO_TEST_DOMAIN' not in os.environ:  # else a test has started this
 os.environ['ROS_DOMAIN_ID'] = os.environ['COLOR_STEREO_TEST_DOMAIN']
 os.environ['PYTHONUNBUFFERED'] = '1'
 
-from color_stereo_ros.core import StereoCalibration  # noqa: E402
+from color_stereo_ros.core import StereoCalibration  # noqa: E402, I100
 from color_stereo_ros.messages.contents import camera_info, Header  # noqa: E402
 from color_stereo_ros.nodes.filling import message_of  # noqa: E402
 

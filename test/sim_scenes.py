@@ -10,7 +10,7 @@ import cv2  # noqa: E402
 
 import numpy as np  # noqa: E402
 
-from color_stereo_ros.sim import load_scene  # noqa: E402
+from color_stereo_ros.sim import load_scene  # noqa: E402, I100
 
 SIZE = 96
 CARD = {'shape': 'plane', 'position': [0, 0, 0.4], 'size': [2.0, 2.0]}

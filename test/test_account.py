@@ -4,13 +4,6 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-import cv2
-import numpy as np
-import pytest
-from projected import projector
-from ros_rig import calibration, PAPER, scene
-from surface_pairs import exposed, photographed
-
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import (
     ColorStereo, PatternSettings, Settings, Status, StereoCalibration)
@@ -20,6 +13,18 @@ from color_stereo_ros.core.account import (
 from color_stereo_ros.core.patterns.feature_size import feature_size_in, FIELDS
 from color_stereo_ros.core.projector import Reason, Track
 from color_stereo_ros.files.image import write_image
+
+import cv2
+
+import numpy as np
+
+from projected import projector
+
+import pytest
+
+from ros_rig import calibration, PAPER, scene
+
+from surface_pairs import exposed, photographed
 
 SHAPE = 6, 8
 SURFACE = {**PAPER, 'matching.method': 'surface'}

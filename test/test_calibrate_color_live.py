@@ -6,16 +6,20 @@ import subprocess
 import sys
 import time
 
+from color_stereo_ros.calibration.color import calibrate_color
+from color_stereo_ros.core.color_calibration import ColorCalibration
+
 import numpy as np
+
+import pytest
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from ros_rig import COMPILING, NodeProcess, Rig, ROOT  # first: it chooses the ROS domain
 
-from color_stereo_ros.calibration.color import calibrate_color
-from color_stereo_ros.core.color_calibration import ColorCalibration
-import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
-from unequal_cameras import Eye, frames, FRAMES
+
+from unequal_cameras import Eye, FRAMES, frames
 
 PERIOD = 0.1  # s between pairs
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -3,11 +3,8 @@
 
 import sys
 
-import cv2
-import numpy as np
-import pytest
-
 from board_shots import BASELINE, BOARD, images, rig
+
 from color_stereo_ros.calibration.capture import Capture, FIRST, picture, pose_in_words
 from color_stereo_ros.calibration.geometry import CALIBRATION, REPORT
 from color_stereo_ros.calibration.pairs import ImagePair
@@ -17,6 +14,12 @@ from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.core.cameras.covariance import StereoCovariance
 from color_stereo_ros.core.cameras.parameters import StereoParameters
 from color_stereo_ros.recordings.writing import write_recording
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 COUNT = 10
 OPTIONS = ['--kind', 'chessboard', '--columns', '9', '--rows', '6', '--square-mm', '25']

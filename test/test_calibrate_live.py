@@ -7,15 +7,17 @@ import sys
 import time
 from urllib.request import urlopen
 
-import numpy as np
-import pytest
-
-from ros_rig import COMPILING, Rig, ROOT  # first: it chooses the ROS domain
-
 from board_shots import BASELINE, images
+
 from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.files.image import read_image
 from color_stereo_ros.pages.serving import padded
+
+import numpy as np
+
+import pytest
+
+from ros_rig import COMPILING, Rig, ROOT  # first: it chooses the ROS domain
 
 VIEWS = 8
 PERIOD = 0.15  # s between pairs

@@ -3,11 +3,8 @@
 
 from dataclasses import replace
 
-import cv2
-import numpy as np
-import pytest
-
 from board_shots import BOARD, images, SIZE
+
 from color_stereo_ros.calibration.boards import Board
 from color_stereo_ros.calibration.edge_width import edge_width
 from color_stereo_ros.calibration.gray import gray_of
@@ -16,6 +13,12 @@ from color_stereo_ros.calibration.shots import check_sizes, detect_shot, without
 from color_stereo_ros.calibration.still import moved, PAIRS, StillWatch
 from color_stereo_ros.calibration.suspicions import check_shots
 from color_stereo_ros.errors import CalibrationError, RecordingError
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 COUNT = 8
 

@@ -6,16 +6,18 @@ import subprocess
 import sys
 import types
 
-import cv2
-import numpy as np
-import pytest
-
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.cli.progress import Progress
 from color_stereo_ros.core import (
     CalibrationError, ImageError, make_pattern, RecordingError, Settings, SettingsError)
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.parameters.files import read_settings, settings_text
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 
 @pytest.fixture
@@ -121,7 +123,7 @@ def test_a_missing_file_is_named_and_ends_with_status_1(failing, capsys):
 @pytest.mark.parametrize('module, extra', [('mitsuba', 'sim'), ('rosbags.rosbag2', 'tools'),
                                            ('rclpy', 'ros')])
 def test_a_missing_extra_is_named_with_the_command_that_installs_it(failing, capsys, module,
-                                                                     extra):
+                                                                    extra):
     assert failing(ModuleNotFoundError('no module', name=module)) == 1
     said = capsys.readouterr().err
     assert f'pip install "color_stereo_ros[{extra}]"' in said

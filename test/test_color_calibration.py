@@ -16,7 +16,7 @@ from naive import corrected_colors
 import numpy as np
 import pytest
 from surface_pairs import photographed, plane, rig, surface_settings
-from unequal_cameras import Eye, frames, FRAMES
+from unequal_cameras import Eye, FRAMES, frames
 
 SIZE = 320, 240
 LEFT = Eye(gains=(1.0, 0.9, 0.6), gamma=2.2, crosstalk=0.1)

@@ -9,14 +9,14 @@ import sys
 import pytest
 
 FOLDER = Path(__file__).parent
-PARENT = '''
+PARENT = """
 import os, signal, subprocess, sys
 import conftest
 conftest.give_children_their_signals()
 os.kill(os.getpid(), {number})
 child = 'import signal; print(signal.getsignal({number}) is not signal.SIG_IGN)'
 subprocess.run([sys.executable, '-c', child], check=True)
-'''
+"""
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])

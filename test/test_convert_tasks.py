@@ -105,6 +105,7 @@ def test_every_pair_is_in_one_task_and_warm_up_comes_before_it():
 
 def test_messages_of_one_time_have_different_places():
     class Message:
+
         def __init__(self, topic, time_ns):
             self.topic, self.time_ns = topic, time_ns
     places = Places()
@@ -114,7 +115,7 @@ def test_messages_of_one_time_have_different_places():
 
 
 def test_one_process_two_processes_and_a_resumed_run_give_the_same(tmp_path, lit, few,
-                                                                    monkeypatch):
+                                                                   monkeypatch):
     options = [*surface_options(), '--topics', 'points', 'depth/image', 'depth_std/image',
                'confidence/image', 'status/image', 'views/image']
     for name, workers in (('one', '1'), ('two', '2')):
@@ -213,7 +214,7 @@ def test_three_machines_give_the_same_though_one_is_killed(tmp_path, cards, few,
 
 
 def test_the_memory_of_a_worker_does_not_grow_with_the_pairs(tmp_path, effort, figures,
-                                                              monkeypatch):
+                                                             monkeypatch):
     count, settled = effort.count(400, 2000), 200
     pair = hue_pair(8)
     with write_recording(tmp_path / 'long') as writer:

@@ -7,16 +7,20 @@ import shutil
 import subprocess
 import sys
 
-import cv2
-import numpy as np
-import pytest
-from scenes import SCENES
-import yaml
-
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ColorStereoError, ImageError, RecordingError
 from color_stereo_ros.evaluation.datasets import load_folder
 from color_stereo_ros.files.image import read_image
+
+import cv2
+
+import numpy as np
+
+import pytest
+
+from scenes import SCENES
+
+import yaml
 
 FLAT = SCENES / 'flat_350_hue1'
 SAMPLE = Path(__file__).resolve().parents[1] / 'sample/solids_hue1/recording'

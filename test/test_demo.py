@@ -17,10 +17,10 @@ from color_stereo_ros.core.false_color import (false_color, range_limits, STATUS
 from color_stereo_ros.core.legends import (with_scale_bar, with_status_legend,
                                            with_views_legend)
 from color_stereo_ros.core.status import Status
-from color_stereo_ros.files.claim import held
 from color_stereo_ros.demo import page as page_module
 from color_stereo_ros.demo import run as demo_module
 from color_stereo_ros.evaluation.metrics import Truth
+from color_stereo_ros.files.claim import held
 from color_stereo_ros.files.image import write_image
 from color_stereo_ros.nodes.live import LiveError
 from color_stereo_ros.nodes.sensor.worker import COMPILING, READY

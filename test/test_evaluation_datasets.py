@@ -3,15 +3,17 @@
 
 from dataclasses import replace
 
-import numpy as np
-import pytest
-from scenes import parallel_rig, SCENES
-
 from color_stereo_ros.core import ColorStereoError, ImageError, RecordingError, SettingsError
 from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.evaluation import datasets
 from color_stereo_ros.evaluation.metrics import Truth
 from color_stereo_ros.evaluation.noise_limit import CameraNoise
+
+import numpy as np
+
+import pytest
+
+from scenes import parallel_rig, SCENES
 
 FLAT = SCENES / 'flat_350_hue1'
 

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Own methods and OpenCV's on the same pairs, against figures measured independently."""
 
-import numpy as np
-import pytest
-from scenes import SCENES
-
 from color_stereo_ros.core import ColorStereo, RangeSettings, RectifiedGeometry, RectifiedPair
 from color_stereo_ros.core import Settings, SettingsError, Status
 from color_stereo_ros.core.constants import replaced
@@ -13,6 +9,12 @@ from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.evaluation import ablation, datasets, methods, opencv_matchers
 from color_stereo_ros.evaluation.metrics import accuracy
 from color_stereo_ros.evaluation.tuned import CONSTANTS, stereo_for, switched_off
+
+import numpy as np
+
+import pytest
+
+from scenes import SCENES
 
 LIMITS = {'range.min_depth': 0.22, 'range.max_depth': 0.62}
 PROTOTYPE = {'color.smoothing': 0.0, 'color.zero_weakest': False,

@@ -3,13 +3,14 @@
 
 import math
 
-import numpy as np
-import pytest
-
 from color_stereo_ros.core import ImageError, RangeResult, RectifiedGeometry, Status
 from color_stereo_ros.core.triangulation import depth_from_disparity
 from color_stereo_ros.evaluation import metrics
 from color_stereo_ros.evaluation.metrics import Truth
+
+import numpy as np
+
+import pytest
 
 GEOMETRY = RectifiedGeometry(width=160, height=120, focal_x=300.0, focal_y=300.0,
                              center_x_left=80.0, center_x_right=80.0, center_y=60.0,

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The noise limit, against formulas by hand and against estimators that reach it."""
 
-import cv2
-import numpy as np
-import pytest
-
 from color_stereo_ros.core import RangeResult, RectifiedGeometry, RectifiedPair, SettingsError
 from color_stereo_ros.core import Status
 from color_stereo_ros.core.patterns.colors import constant_sum_colors
@@ -12,6 +8,12 @@ from color_stereo_ros.core.triangulation import depth_from_disparity
 from color_stereo_ros.evaluation.metrics import Truth
 from color_stereo_ros.evaluation.noise_limit import (
     CameraNoise, compare, measured_noise, noise_limit, Window)
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 GEOMETRY = RectifiedGeometry(width=220, height=120, focal_x=300.0, focal_y=300.0,
                              center_x_left=110.0, center_x_right=110.0, center_y=60.0,

@@ -3,13 +3,15 @@
 
 from dataclasses import replace
 
-import numpy as np
-import pytest
-from sim_scenes import CARD, scene_of, small_rig
-
 from color_stereo_ros.core import ColorStereoError, PatternSettings
 from color_stereo_ros.evaluation import experiments, renders
-from color_stereo_ros.sim.electronics import expose  # noqa: E402
+
+import numpy as np
+
+import pytest
+
+from sim_scenes import CARD, scene_of, small_rig
+from color_stereo_ros.sim.electronics import expose  # noqa: E402, I100
 
 PATTERN = PatternSettings(width=128, height=128)
 

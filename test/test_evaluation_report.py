@@ -6,14 +6,16 @@ from html.parser import HTMLParser
 import json
 import re
 
-import numpy as np
-import pytest
-from scenes import SCENES
-
 from color_stereo_ros.cli import evaluate
 from color_stereo_ros.core import PatternSettings
 from color_stereo_ros.evaluation import datasets, experiments, report
 from color_stereo_ros.evaluation.numbers import write_json
+
+import numpy as np
+
+import pytest
+
+from scenes import SCENES
 
 pytestmark = pytest.mark.long
 LIMITS = {'range.min_depth': 0.22, 'range.max_depth': 0.62}

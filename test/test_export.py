@@ -274,8 +274,8 @@ def test_a_pair_is_measured_as_convert_measures_it(tmp_path, lit, few):  # noqa:
             assert found['color'].shape == projected.pair(noise=1)[0].shape
 
 
-def test_only_tasks_with_chosen_pairs_are_measured_and_up_to_these(cards, few,  # noqa: F811
-                                                                  tmp_path):
+def test_only_tasks_with_chosen_pairs_are_measured_and_up_to_these(
+        cards, few, tmp_path):  # noqa: F811
     from color_stereo_ros.parameters.groups import RangeNodeSettings
     with Recording(cards) as recording:
         export = Export(recording, tmp_path, recording.stereo_topics(), RangeNodeSettings(),

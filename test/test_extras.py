@@ -24,7 +24,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 SETUP = (ROOT / 'setup.py').read_text()
-WITHOUT = '''
+WITHOUT = """
 import sys
 
 class Nowhere:
@@ -33,15 +33,15 @@ class Nowhere:
             raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
 
 sys.meta_path.insert(0, Nowhere())
-'''
-COMMAND = '''
+"""
+COMMAND = """
 from color_stereo_ros.cli.main import main
 sys.exit(main(sys.argv[1:]))
-'''
-NODE = '''
+"""
+NODE = """
 from color_stereo_ros.nodes.{} import main
 sys.exit(main(sys.argv[1:]))
-'''
+"""
 NODES = ('range_node', 'lifecycle_range_node', 'pattern_node', 'sim_rig_node')
 CARD = """
 name: card

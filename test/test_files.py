@@ -3,16 +3,18 @@
 
 import os
 
-import numpy as np
-import pytest
-import yaml
-
 from color_stereo_ros.core import ImageError
 from color_stereo_ros.files import atomic
 from color_stereo_ros.files.atomic import folder_written_whole, write_text, written_whole
 from color_stereo_ros.files.camera_info import camera_info_text, read_camera_info
 from color_stereo_ros.files.image import write_image
 from color_stereo_ros.files.yaml import UnreadableError
+
+import numpy as np
+
+import pytest
+
+import yaml
 
 FIELDS = {'width': 640, 'height': 480, 'distortion_model': 'plumb_bob', 'D': [0.1, 0, 0, 0, 0.2],
           'K': [600.0, 0, 320, 0, 600, 240, 0, 0, 1], 'R': [1.0, 0, 0, 0, 1, 0, 0, 0, 1],

@@ -235,9 +235,9 @@ def test_a_pair_replaces_what_an_earlier_one_said_of_the_same_cells():
     other = tracker.follow(once, alignment(calibration, KNOCK, noise=0.05, seed=2).but(turn=1))
     assert (other.std[:3] < 0.8 * once.std[:3]).all()
     whole = other
-    for turn in (2, 3):
+    for asked in (2, 3):
         whole = tracker.follow(whole, alignment(calibration, KNOCK, noise=0.05,
-                                                seed=turn + 1).but(turn=turn))
+                                                seed=asked + 1).but(turn=asked))
     assert np.linalg.matrix_rank(whole.information.sum(axis=0)) > COUNT
     assert (np.abs(whole.drift - KNOCK) < 3 * whole.std).all()
 

@@ -58,7 +58,7 @@ def test_long_files_run_first_and_the_others_as_they_come():
     assert [item.name for item in items] == [3, 1, 4, 0, 2]
 
 
-SOURCE = '''
+SOURCE = """
 import subprocess
 import pytest
 
@@ -93,7 +93,7 @@ def test_by_mark():
 
 def test_inside():
     import rclpy
-'''
+"""
 
 
 @pytest.mark.parametrize('name, slow', [

@@ -63,7 +63,7 @@ def test_rgb8_without_padding_is_not_copied():
 
 def mosaic_of(color, pattern, size=(6, 8)):
     """Return the mosaic that a sensor of this pattern sees of a uniform color."""
-    values = {name: value for name, value in zip('RGB', color)}
+    values = dict(zip('RGB', color))
     mosaic = np.empty((*size, 1), np.uint8)
     for index, name in enumerate(pattern):
         mosaic[index // 2::2, index % 2::2] = values[name]

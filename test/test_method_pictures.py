@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 import re
 
-import cv2
-import pytest
-
 from color_stereo_ros.evaluation import method_pictures
 from color_stereo_ros.evaluation.datasets import load_folder
+
+import cv2
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 LARGEST = 150_000  # bytes

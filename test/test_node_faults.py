@@ -776,7 +776,7 @@ def long_pattern(rig):
 @pytest.mark.parametrize('send, part, words', [
     (long_frame_of_the_image, 'calibration', 'left image has frame_id'),
     (long_frames_of_the_calibrations, 'calibration', 'does not say "optical"'),
-    (long_model, 'calibration', "(100000 characters)"),
+    (long_model, 'calibration', '(100000 characters)'),
     (long_encoding, 'inputs', 'is not supported'),
     (long_pattern, 'pattern', 'cannot be read')])
 def test_foreign_texts_are_bounded_in_log_and_diagnostics(rig, send, part, words):

@@ -12,9 +12,9 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
-import pytest
-
 import color_stereo_ros
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = {'range_node', 'lifecycle_range_node', 'pattern_node', 'sim_rig_node',

@@ -5,15 +5,16 @@ from dataclasses import fields
 from pathlib import Path
 import shutil
 
-import pytest
-from scenes import SCENES
-
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import SettingsError
 from color_stereo_ros.evaluation import datasets
 from color_stereo_ros.parameters.files import (
     PASSED_OVER, PROJECTORS, read_settings, SENSORS, settings_text)
 from color_stereo_ros.parameters.groups import RangeNodeSettings
+
+import pytest
+
+from scenes import SCENES
 
 ROOT = Path(__file__).resolve().parents[1]
 FLAT = SCENES / 'flat_350_hue1'

@@ -49,7 +49,7 @@ class Owner:
                                          on_change=self.changes.append, **options)
         return self.parameters
 
-    def set(self, **values):
+    def set(self, **values):  # noqa: A003
         """Set parameters atomically."""
         return self.node.set_parameters_atomically(
             [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()])

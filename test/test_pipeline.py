@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scenes import hue_pair, load, paper_settings, parallel_rig
 
-NEAR = dict(range__min_depth=0.7, range__max_depth=4.0)
+NEAR = {'range__min_depth': 0.7, 'range__max_depth': 4.0}
 
 
 @pytest.fixture(scope='module')

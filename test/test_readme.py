@@ -7,11 +7,11 @@ import re
 import shlex
 import subprocess
 
-import pytest
-
 from color_stereo_ros.cli import main as cli
-from color_stereo_ros.cli.tables import TABLES, documents, with_tables
+from color_stereo_ros.cli.tables import documents, TABLES, with_tables
 from color_stereo_ros.core import ColorStereoError
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / 'README.md').read_text()

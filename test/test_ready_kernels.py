@@ -88,7 +88,7 @@ def called(monkeypatch):
 @pytest.mark.parametrize('method', METHODS)
 def test_every_kernel_that_runs_has_run_in_the_constructor(method, rectified, called, effort):
     """
-    numba compiles a kernel for the types of its arguments: the same types, nothing compiled.
+    Kernels are compiled for the types of their arguments: the same types, nothing compiled.
 
     At short length raw and rectified images share the pairs of changes: each is tried with one.
 

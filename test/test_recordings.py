@@ -4,10 +4,6 @@
 import os
 from pathlib import Path
 
-import numpy as np
-import projected
-import pytest
-
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import RecordingError, StereoCalibration
 from color_stereo_ros.core.cameras.calibration import CameraModel
@@ -16,6 +12,12 @@ from color_stereo_ros.messages.contents import CameraInfo, Image
 from color_stereo_ros.messages.reading import image_to_rgb, stamp_ns
 from color_stereo_ros.recordings.reading import Recording
 from color_stereo_ros.recordings.writing import write_recording
+
+import numpy as np
+
+import projected
+
+import pytest
 
 SAMPLE = Path(__file__).resolve().parents[1] / 'sample'
 SECOND = 1_000_000_000

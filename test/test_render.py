@@ -3,7 +3,7 @@
 
 import sim_scenes  # noqa: F401, chooses the variant
 
-from color_stereo_ros.cli.main import main
+from color_stereo_ros.cli.main import main  # noqa: I100
 from color_stereo_ros.core import ColorStereo, Settings, StereoCalibration
 from color_stereo_ros.recordings.reading import Recording
 

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Damaged recordings: what is whole is used, what is lost is told, nothing is wrong."""
 
-import numpy as np
-import pytest
-from scenes import hue_pair, parallel_rig
-
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import RecordingError
 from color_stereo_ros.recordings.reading import open_readable, Recording
 from color_stereo_ros.recordings.writing import write_recording
+
+import numpy as np
+
+import pytest
+
+from scenes import hue_pair, parallel_rig
 
 SECOND = 1_000_000_000
 COUNT = 60

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / '.ci'))
-from gate import combinations, comparison, scenes  # noqa: E402
+from gate import combinations, comparison, scenes  # noqa: E402, I100
 from gate.child import Child  # noqa: E402
 from gate.inputs import Inputs, split_name  # noqa: E402
 from gate.speed import run_figures, run_summary  # noqa: E402

@@ -3,15 +3,15 @@
 
 from dataclasses import replace
 
-import cv2
-
-from sim_scenes import CARD, QUIET, scene_of, SIZE, small_rig
-
 from color_stereo_ros.sim.electronics import BAYER_CHANNELS, expose, exposures_for
+
+import cv2
 
 import numpy as np
 
 import pytest
+
+from sim_scenes import CARD, QUIET, scene_of, SIZE, small_rig
 
 
 def camera(**fields):
@@ -139,8 +139,8 @@ def test_srgb_is_linear_near_black():
     assert image.mean() / 65535 == pytest.approx(12.92 * 0.002, rel=0.01)
 
 
-@pytest.mark.parametrize('bits, dtype, white', [(4, np.uint8, 240), (8, np.uint8, 255),
-                                               (12, np.uint16, 4095), (16, np.uint16, 65535)])
+@pytest.mark.parametrize('bits, dtype, white', [
+    (4, np.uint8, 240), (8, np.uint8, 255), (12, np.uint16, 4095), (16, np.uint16, 65535)])
 def test_bits_say_how_many_steps_there_are(bits, dtype, white):
     ramp = np.repeat(np.linspace(0, 1.2, SIZE)[None, :, None], SIZE, axis=0) * np.ones(3)
     image = expose(ramp, camera(bayer='none', bits=bits), 1.0, 0)

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Light of the simulated rig: the projector, distorted lenses, bounces, ambient, materials."""
 
-import cv2
-
-from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig, smooth_pattern, uniform
-
 from color_stereo_ros.core.cameras.lenses import LENSES
 from color_stereo_ros.errors import ImageError
 from color_stereo_ros.sim import Renderer
@@ -12,9 +8,13 @@ from color_stereo_ros.sim.materials import MATERIALS, texture_image
 from color_stereo_ros.sim.projection import pattern_light, pattern_stack, projector_coordinates
 from color_stereo_ros.sim.transport import _averaged, _render, pixel_index, View
 
+import cv2
+
 import numpy as np
 
 import pytest
+
+from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig, smooth_pattern, uniform
 
 DISTORTIONS = [
     ('plumb_bob', [-0.25, 0.08, 0.001, -0.0015, 0.02]),

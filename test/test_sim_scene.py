@@ -7,10 +7,6 @@ import re
 import subprocess
 import sys
 
-import cv2
-
-from sim_scenes import CARD, scene_of, SIZE, small_rig
-
 from color_stereo_ros.sim import load_scene, rig_names, SceneError, variant
 from color_stereo_ros.sim.materials import MATERIALS, TEXTURES
 from color_stereo_ros.sim.relief import FEATURES, relief_heights, relief_mesh
@@ -18,31 +14,35 @@ from color_stereo_ros.sim.shapes import revolved_mesh, SHAPES, tube_mesh
 from color_stereo_ros.sim.transport import World
 from color_stereo_ros.sim.truth import cast, find_truth
 
+import cv2
+
 import numpy as np
 
 import pytest
+
+from sim_scenes import CARD, scene_of, SIZE, small_rig
 
 import yaml
 
 BAD_SCENES = [
     ({}, r'objects is missing'),
-    ({'objects': 5}, r"objects = 5, expected a list"),
+    ({'objects': 5}, r'objects = 5, expected a list'),
     ({'objects': [], 'ambiant': 1}, r"ambiant is no known field; did you mean 'ambient'"),
     ({'objects': ['plane']}, r"objects\[0\] = 'plane', expected a mapping"),
     ({'objects': [{'shape': 'spere'}]}, r"objects\[0\].shape = 'spere' is not known; did you mean "
                                         r"'sphere'"),
-    ({'objects': [{'shape': 'sphere', 'radius': -1}]}, r"objects\[0\].radius = -1, expected a "
-                                                       r"number 1e-05 .. 100"),
+    ({'objects': [{'shape': 'sphere', 'radius': -1}]}, r'objects\[0\].radius = -1, expected a '
+                                                       r'number 1e-05 .. 100'),
     ({'objects': [{'shape': 'sphere', 'radius': '5 mm'}]}, r"radius = '5 mm', expected a number"),
-    ({'objects': [{'shape': 'sphere', 'radios': 1}]}, r"radios is no known field; did you mean "
+    ({'objects': [{'shape': 'sphere', 'radios': 1}]}, r'radios is no known field; did you mean '
                                                       r"'radius'"),
-    ({'objects': [CARD, {**CARD, 'position': [0, 1]}]}, r"objects\[1\].position = \[0, 1\], "
-                                                        r"expected a list of 3 numbers"),
+    ({'objects': [CARD, {**CARD, 'position': [0, 1]}]}, r'objects\[1\].position = \[0, 1\], '
+                                                        r'expected a list of 3 numbers'),
     ({'objects': [{**CARD, 'position': [0, 0, 'far']}]}, r"position\[2\] = 'far', expected"),
     ({'objects': [{**CARD, 'material': 'alumnium'}]}, r"material = 'alumnium' is not known; did "
                                                       r"you mean 'aluminium'"),
-    ({'objects': [{**CARD, 'material': {'color': [2, 0, 0]}}]}, r"material.color\[0\] = 2, "
-                                                                r"expected a number 0 .. 1"),
+    ({'objects': [{**CARD, 'material': {'color': [2, 0, 0]}}]}, r'material.color\[0\] = 2, '
+                                                                r'expected a number 0 .. 1'),
     ({'objects': [{**CARD, 'material': {'texture': {'pattern': 'cheker'}}}]},
      r"texture.pattern = 'cheker' is not known; did you mean 'checker'"),
     ({'objects': [{'shape': 'mesh', 'file': 'no.ply'}]}, r"file = 'no.ply', expected a file"),

@@ -5,16 +5,17 @@ import os
 import subprocess
 import sys
 
-from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig
-
 from color_stereo_ros.sim import load_scene
 from color_stereo_ros.sim.transport import World
 from color_stereo_ros.sim.truth import edge_region, find_truth, rectified_rays
 
 import cv2
+
 import numpy as np
 
 import pytest
+
+from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig
 
 PATTERN_SHAPE = (256, 256)
 

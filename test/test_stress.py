@@ -5,10 +5,6 @@ from dataclasses import replace
 import json
 from pathlib import Path
 
-import cv2
-import numpy as np
-import pytest
-
 from color_stereo_ros.core import ColorStereoError, RangeResult, StereoCalibration
 from color_stereo_ros.evaluation import metrics
 from color_stereo_ros.evaluation.ablation import switches
@@ -21,6 +17,12 @@ from color_stereo_ros.evaluation.stress.rig import StressRig, View
 from color_stereo_ros.evaluation.stress.runs import (
     Case, cases_of, StressPlan, StressTest, with_switches, without)
 from color_stereo_ros.evaluation.stress.shot import Shots
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 BEFORE = DISTURBANCES.names
 WIDTH, HEIGHT = 64, 48

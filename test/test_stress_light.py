@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The light of the stress test: rendered, kept, and the same as the simulated rig's own."""
 
-import numpy as np
-import pytest
-from sim_scenes import BALL, CARD, scene_of, small_rig, smooth_pattern
-
 from color_stereo_ros import sim
 from color_stereo_ros.evaluation.stress import light
 from color_stereo_ros.evaluation.stress.mounting import Mounting
 from color_stereo_ros.evaluation.stress.patterns import Shown
 from color_stereo_ros.evaluation.stress.rig import StressRig
 from color_stereo_ros.evaluation.stress.shot import Shots
+
+import numpy as np
+
+import pytest
+
+from sim_scenes import BALL, CARD, scene_of, small_rig, smooth_pattern
 
 PATTERN = smooth_pattern(256, 256)
 

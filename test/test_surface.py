@@ -57,7 +57,7 @@ def seen_by_both(disparity, margin=8):
 
 
 def errors(result, truth, where=None):
-    """Return the errors (px) of the ranges where both cameras see, and their share."""
+    """Return the errors, px, of the ranges where both cameras see, and their share."""
     where = seen_by_both(truth) if where is None else where
     known = where & np.isfinite(result.disparity)
     return (result.disparity - truth)[known], np.count_nonzero(known) / np.count_nonzero(where)

@@ -3,15 +3,17 @@
 
 from types import SimpleNamespace
 
-import cv2
-import numpy as np
-import pytest
-
 from color_stereo_ros.core.surface.grid import HalfGrid
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD
 from color_stereo_ros.core.surface.texture import (
     between_nodes, drop_small_surfaces, likeness, TextureSearch)
 from color_stereo_ros.core.surface.tuning import TUNING
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 ROWS, COLUMNS = 60, 100
 

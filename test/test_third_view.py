@@ -234,9 +234,9 @@ def nodes():
     light = rng.uniform(0.6, 1.2, (3, *shape)).astype(F4)
     unrest = rng.uniform(1, 3, shape).astype(F4)
     region = rng.random(shape) < 0.7
-    return dict(u=u, v=v, variance=variance, flat=flat, size=np.array([90, 120]), image=image,
-                colors=colors, light=light, unrest=unrest, sweep=sweep, d=d, a=a, b=b,
-                tiles=tiles, region=region)
+    return {'u': u, 'v': v, 'variance': variance, 'flat': flat, 'size': np.array([90, 120]),
+            'image': image, 'colors': colors, 'light': light, 'unrest': unrest, 'sweep': sweep,
+            'd': d, 'a': a, 'b': b, 'tiles': tiles, 'region': region}
 
 
 def naive_node(given, y, x, d):

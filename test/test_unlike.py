@@ -395,6 +395,8 @@ def test_a_compressed_dark_background_does_not_decide_about_the_colors(usual, qu
     images = [compressed(image, quality) for image in pair(left, right)]
     result = usual.process(*images)
     assert (np.abs(result.disparity - TRUTH)[70:170, 135:225] < 0.5).mean() > 0.78
+
+
 @pytest.mark.parametrize('quality, step', [(95, 1), (85, 4), (60, 10), (40, 15)])
 def test_the_quantization_is_read_from_the_image(quality, step):
     # quality 50: 11, 12, 12, 10 and 14; above, (100 - quality) / 50 of it, below 50 / quality

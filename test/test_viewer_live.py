@@ -8,15 +8,16 @@ import sys
 import time
 from urllib.request import urlopen
 
-import numpy as np
-import pytest
-
-from ros_rig import COMPILING, DEPTH, NodeProcess, PAPER, Rig, ROOT  # first: the ROS domain
-
 from color_stereo_ros.cli import demo, view
 from color_stereo_ros.core.settings import updated
 from color_stereo_ros.parameters.groups import RangeNodeSettings
 from color_stereo_ros.viewer.live import live_frames
+
+import numpy as np
+
+import pytest
+
+from ros_rig import COMPILING, DEPTH, NodeProcess, PAPER, Rig, ROOT  # first: the ROS domain
 
 PERIOD = 0.1  # s between pairs
 

@@ -18,10 +18,10 @@ import time
 
 import numpy as np
 
+from .scene import bench_calibration, bench_pair, bench_settings
 from ..core import ColorStereo
 from ..recordings.tasks import SETTLING, WARM_UP
 from ..recordings.writing import write_recording
-from .scene import bench_calibration, bench_pair, bench_settings
 
 SIZE = 512, 512
 DISPARITIES = 64

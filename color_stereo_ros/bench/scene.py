@@ -13,7 +13,7 @@ import math
 import cv2
 import numpy as np
 
-from ..core import Settings, StereoCalibration, make_pattern
+from ..core import make_pattern, Settings, StereoCalibration
 
 VGA = 640, 480
 SEED = 5
@@ -131,8 +131,6 @@ def _seen(disparity, pattern, albedo, sign):
     matte = cv2.remap(albedo, source, np.broadcast_to(row_of, source.shape).copy(),
                       cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[..., None]
     return matte * (SIGNAL * light * (source >= 0)[..., None] + AMBIENT)
-
-
 
 
 def _photograph(camera, light, rng):

@@ -12,8 +12,8 @@ import time
 
 import numpy as np
 
-from ..nodes.live import LiveError
 from .scene import bench_calibration, bench_pair, VGA
+from ..nodes.live import LiveError
 
 HASWELL = {'NUMBA_CPU_NAME': 'haswell', 'NUMBA_CPU_FEATURES': ','.join((
     '+64bit', '+cmov', '+cx8', '+cx16', '+fxsr', '+mmx', '+sse', '+sse2', '+sse3', '+ssse3',

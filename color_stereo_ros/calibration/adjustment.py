@@ -6,13 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ..core.cameras.covariance import StereoCovariance
-from ..core.cameras.parameters import StereoParameters
-from ..errors import CalibrationError
 from .board_model import BENDS, BoardModel
 from .least_squares import inverse_information, Problem, UNDETERMINED
 from .starting import first_state, NOT_TOGETHER
 from .views import Corners, SIDES
+from ..core.cameras.covariance import StereoCovariance
+from ..core.cameras.parameters import StereoParameters
+from ..errors import CalibrationError
 
 LEAST_VIEWS = 3        # pairs; fewer cannot determine focal lengths and distortion
 GROSS = 5.0            # sigma: a corner beyond is left out

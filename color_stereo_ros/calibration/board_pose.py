@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .rigid import moved
 from ..core.cameras.lenses import LENSES
 from ..errors import CalibrationError
-from .rigid import moved
 
 LEAST = 4  # corners; derived: four points of a plane give its pose
 ROUNDS = 30  # of Gauss and Newton, at most; chosen: five suffice from a good start

@@ -12,10 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..core.registry import Registry
-from ..errors import CalibrationError, ImageError
 from . import charuco, chessboard, circles
 from .board_kind import BoardKind, Detection, Drawing
+from ..core.registry import Registry
+from ..errors import CalibrationError, ImageError
 
 __all__ = ['Board', 'BOARDS', 'BoardKind', 'Detection', 'Drawing', 'default_kind']
 

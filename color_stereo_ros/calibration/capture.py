@@ -4,13 +4,13 @@
 import cv2
 import numpy as np
 
-from ..errors import CalibrationError
 from .adjustment import adjust
 from .gray import gray_of
 from .guidance import Detectable, Guide
 from .shots import check_sizes, detect_shot
 from .still import StillWatch
 from .views import SIDES
+from ..errors import CalibrationError
 
 FIRST = 4  # views with both cameras before poses can be compared
 FIRST_POSES = (

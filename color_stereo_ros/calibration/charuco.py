@@ -4,10 +4,10 @@
 import cv2
 import numpy as np
 
-from ..core.registry import suggestion
-from ..errors import CalibrationError, InstallationError
 from .board_kind import BoardKind, Drawing, LEAST_CORNERS, squares
 from .corners import detection
+from ..core.registry import suggestion
+from ..errors import CalibrationError, InstallationError
 
 NEAR_MARKERS = 5     # that predict a corner; chosen: the four around it and one more
 OUTLIER_SHARE = 0.25  # of the side of a marker, from one homography; leaves room for distortion

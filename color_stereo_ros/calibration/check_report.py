@@ -6,12 +6,12 @@ from html import escape
 from matplotlib.figure import Figure
 import numpy as np
 
+from .check_text import TERMS
+from .checking import FAIR, GOOD, NOTE, POOR
 from ..core.false_color import status_picture
 from ..core.legends import with_status_legend
 from ..pages.html import CSS, figure, note, panel, section, table
 from ..pages.plots import as_image, photograph, picture, styled
-from .check_text import TERMS
-from .checking import FAIR, GOOD, NOTE, POOR
 
 KEYS = {GOOD: '#0b7a5b', FAIR: '#d98324', POOR: '#d1495b', NOTE: '#c9ced6'}
 

@@ -21,8 +21,8 @@ def check_text(found):
     lines = [f'{MARKS[finding.level]}  {finding.name:{width}}  {finding.text}'
              for finding in found.findings]
     changes = [f'  - {finding.name}: {finding.advice}' for finding in to_change(found)]
-    return '\n'.join([*lines, '', found.verdict(), *(['What to change:', *changes] if changes
-                                                      else []), '', TERMS])
+    advice = ['What to change:', *changes] if changes else []
+    return '\n'.join([*lines, '', found.verdict(), *advice, '', TERMS])
 
 
 def to_change(found):

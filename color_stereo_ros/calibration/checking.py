@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.account import rows_in_words, TUNING
-from ..core.health.tuning import TUNING as HEALTH
-from ..errors import CalibrationError
 from .check_light import light_of
 from .check_shapes import measured_plane, measured_spheres
 from .planning import DISPARITY_STD, ROWS_LIMIT
+from ..core.account import rows_in_words, TUNING
+from ..core.health.tuning import TUNING as HEALTH
+from ..errors import CalibrationError
 
 GOOD, FAIR, POOR, NOTE = 'good', 'fair', 'poor', 'note'
 LEVELS = GOOD, FAIR, POOR

@@ -4,9 +4,9 @@
 import cv2
 import numpy as np
 
-from ..errors import CalibrationError
 from .board_kind import BoardKind, Drawing, squares
 from .corners import detection
+from ..errors import CalibrationError
 
 # None of OpenCV's ways finds all boards; the quick ones come first. The fit checks every corner.
 FINDERS = (

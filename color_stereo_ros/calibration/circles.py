@@ -4,8 +4,8 @@
 import cv2
 import numpy as np
 
-from ..errors import CalibrationError
 from .board_kind import BoardKind, Detection, Drawing
+from ..errors import CalibrationError
 
 SIGMA = 0.01   # px, of OpenCV's centers; evaluation.corners
 SMALLEST = 20  # px^2, of a disk; chosen

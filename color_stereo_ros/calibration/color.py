@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .response import fit_response, Response
 from ..core.color_calibration import CameraColor, ColorCalibration, ColorCorrection, linear
 from ..errors import CalibrationError, ImageError
-from .response import fit_response, Response
 
 CHANNELS = 'red', 'green', 'blue'
 FRAMES = 'white', 'black', *CHANNELS, 'mask', 'complement'

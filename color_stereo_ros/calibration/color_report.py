@@ -6,10 +6,10 @@ from html import escape
 from matplotlib.figure import Figure
 import numpy as np
 
+from .color import CHANNELS
 from ..core.color_calibration import linear
 from ..pages.html import CSS, figure, note, section, table
 from ..pages.plots import as_image, as_svg, styled
-from .color import CHANNELS
 
 SIDES = 'left', 'right'
 INKS = '#d1495b', '#0b7a5b', '#2f6db5'

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
-from ..core.cameras.lenses import LENSES
-from ..errors import CalibrationError
 from .adjustment import adjust, judged, problem_of
 from .board_model import BoardModel
 from .guidance import grid_of
 from .starting import COEFFICIENTS, state_of
+from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
+from ..core.cameras.lenses import LENSES
+from ..errors import CalibrationError
 
 FOLDS = 3
 """Parts of the views, each of which is predicted by the others; chosen: the usual few."""

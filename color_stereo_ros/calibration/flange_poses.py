@@ -19,9 +19,9 @@ import re
 
 import numpy as np
 
+from .rigid import rotations_of
 from ..errors import CalibrationError
 from ..files.yaml import load_yaml, read_text, UnreadableError
-from .rigid import rotations_of
 
 FIELDS = 'x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'
 UNITS = {'m': 1.0, 'mm': 1e-3}

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.cameras.lenses import LENSES
-from ..errors import CalibrationError
-from ..files.atomic import write_text, written_whole
 from .adjustment import adjust
 from .evidence import agreement_of_halves, choose_lens
 from .guidance import grid_of
 from .shots import check_sizes, without_blurred
 from .suspicions import check_shots, explain
 from .views import SIDES
+from ..core.cameras.lenses import LENSES
+from ..errors import CalibrationError
+from ..files.atomic import write_text, written_whole
 
 AUTOMATIC = 'automatic'
 """Lens model by evidence."""

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
-from ..core.cameras.lenses import LENSES
 from .board_model import BoardModel, State
 from .least_squares import inverse_information, view_informations
 from .rigid import exp
 from .views import SIDES
+from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
+from ..core.cameras.lenses import LENSES
 
 SHARES = (0.4, 0.6, 0.85, 1.2)
 """Widths of the board in the image, image widths; beyond 1 it reaches past the edges."""
@@ -152,7 +152,7 @@ class Guide:
         self.detectable = detectable or Detectable()
         self.sigma = sigma
 
-    def next(self, parameters, information):
+    def next(self, parameters, information):  # noqa: A003
         """
         Return the next pose.
 

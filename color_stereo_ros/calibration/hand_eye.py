@@ -19,10 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import CalibrationError
 from . import hand_eye_causes as causes
 from .hand_eye_start import starts
 from .rigid import inverse, log, moved, product
+from ..errors import CalibrationError
 
 IN_HAND, TO_HAND = 'eye-in-hand', 'eye-to-hand'
 MOUNTINGS = IN_HAND, TO_HAND

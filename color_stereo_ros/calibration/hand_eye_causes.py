@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import CalibrationError
 from .hand_eye_start import closed_form
 from .rigid import inverse, log, mean_rotation, quaternions_of, rotations_of
+from ..errors import CalibrationError
 
 FARTHEST = 20.0  # m; chosen: no arm reaches farther, and millimeters exceed it
 LEAST_TURN = np.radians(3.0)  # root mean square; chosen: below it X is known to centimeters

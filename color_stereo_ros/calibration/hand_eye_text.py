@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from ..files.yaml import yaml_text
 from .hand_eye import as_degrees, as_millimeters
 from .rigid import quaternions_of
+from ..files.yaml import yaml_text
 
 ORDER = 'rotation_x', 'rotation_y', 'rotation_z', 'x', 'y', 'z'
 
@@ -69,8 +69,8 @@ def hand_eye_yaml(found, camera, parent, child, frame):
 def static_transform(camera, parent, child):
     """Return the command that publishes a pose (R, t) as a static transform."""
     place = ' '.join(f'--{axis} {value:.6f}' for axis, value in zip('xyz', camera[1]))
-    turn = ' '.join(f'--q{axis} {value:.8f}' for axis, value in zip('xyzw',
-                                                                   _quaternion(camera[0])))
+    turn = ' '.join(f'--q{axis} {value:.8f}'
+                    for axis, value in zip('xyzw', _quaternion(camera[0])))
     return (f'ros2 run tf2_ros static_transform_publisher {place} {turn} --frame-id {parent} '
             f'--child-frame-id {child}')
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import CalibrationError
 from .views import SIDES
+from ..errors import CalibrationError
 
 DAMPING = 1e-4, 1e-12, 1e12
 """Levenberg-Marquardt: first, least and largest; chosen: the usual ones."""

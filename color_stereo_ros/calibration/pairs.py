@@ -7,9 +7,9 @@ from decimal import Decimal
 from pathlib import Path
 import re
 
+from .views import SIDES
 from ..errors import RecordingError
 from ..files.image import read_image
-from .views import SIDES
 
 SUFFIXES = {'.png', '.jpg', '.jpeg', '.tif', '.tiff', '.bmp', '.webp', '.pgm', '.ppm'}
 _WORD = {side: re.compile(rf'(?<![a-z]){side}|{side}(?![a-z])', re.IGNORECASE) for side in SIDES}
@@ -154,7 +154,7 @@ def _paired_by_number(files):
     """Return (left, right, skew) of files of the same number, or of nearly the same stamp."""
     numbers = {side: sorted((_number(path), path) for path in paths
                             if _number(path) is not None) for side, paths in files.items()}
-    found, rights = [], dict((number, path) for number, path in numbers['right'])
+    found, rights = [], dict(numbers['right'])
     for number, left in numbers['left']:
         reach = TOLERANCE if number >= 10**17 else 0
         near = min(rights, key=lambda other: abs(other - number), default=None)

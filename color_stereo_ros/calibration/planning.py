@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .guidance import Detectable, first_information, grid_of, Guide, Quality
+from .least_squares import inverse_information
 from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
 from ..core.cameras.parameters import StereoParameters
 from ..core.triangulation import disparity_from_depth
 from ..errors import CalibrationError
-from .guidance import Detectable, first_information, grid_of, Guide, Quality
-from .least_squares import inverse_information
 
 COEFFICIENTS = 5     # of the lens that will be calibrated: plumb_bob
 DEPTHS = 25          # at which the plan is computed, near to far

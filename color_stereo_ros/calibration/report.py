@@ -5,12 +5,12 @@ from html import escape
 
 import numpy as np
 
-from .. import __version__
-from ..pages.html import CSS, figure, note, section, table
 from . import report_plots as plots
 from .views import SIDES
+from .. import __version__
+from ..pages.html import CSS, figure, note, section, table
 
-HTML = '''<!DOCTYPE html>
+HTML = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>color_stereo: calibration</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{css}
 section img, section svg {{ max-width: 100%; height: auto; width: auto; }}</style></head>
@@ -18,7 +18,7 @@ section img, section svg {{ max-width: 100%; height: auto; width: auto; }}</styl
 <nav><a href="#summary">Summary</a><a href="#depth">Depth</a><a href="#rows">Rows</a>
 <a href="#residuals">Residuals</a><a href="#coverage">Coverage</a><a href="#views">Views</a>
 <a href="#parameters">Parameters</a></nav></div></header><main>{body}</main></body></html>
-'''
+"""
 SHARES = 0.7, 1.0, 1.4, 2.0   # of the working distance: depths of the maps
 GRID = 33, 25                 # points of a map
 CURVE = np.linspace(0.5, 2.5, 41)  # of the working distance

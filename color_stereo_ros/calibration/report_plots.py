@@ -5,8 +5,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 import numpy as np
 
-from ..pages.plots import as_image, as_svg, plain_numbers, styled
 from .views import SIDES
+from ..pages.plots import as_image, as_svg, plain_numbers, styled
 
 COLORS = dict(zip(SIDES, ('#1f4e8c', '#c8553d')))
 ARROW = 0.06       # of the image's width: the longest arrow of a residual

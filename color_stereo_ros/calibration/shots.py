@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import CalibrationError
 from .edge_width import edge_width
 from .gray import gray_of
 from .views import SIDES, View
+from ..errors import CalibrationError
 
 BLURRED = 2.0   # times the usual width of the edges; chosen: the lens alone changes less
 BLUNT = 4.0     # px: edges that are sharper are never called blurred

@@ -4,11 +4,11 @@
 import cv2
 import numpy as np
 
+from .board_model import State
+from .views import SIDES
 from ..core.cameras.lenses import LENSES
 from ..core.cameras.parameters import StereoParameters
 from ..errors import CalibrationError
-from .board_model import State
-from .views import SIDES
 
 FOCAL_LENGTHS = np.geomspace(0.3, 4.0, 10)
 """In widths of the image; chosen: lenses of 14 to 118 degrees."""

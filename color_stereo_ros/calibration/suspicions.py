@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..errors import CalibrationError
 from .views import SIDES
+from ..errors import CalibrationError
 
 LEAST_VIEWS = 4         # with both cameras; chosen: three give no residual worth the name
 LEAST_TILT = 12.0       # degrees between the boards that differ most

@@ -4,7 +4,7 @@
 import json
 from pathlib import Path
 
-SUMMARY = 'measure times beside OpenCV\'s matchers, and range_node through real DDS'
+SUMMARY = "measure times beside OpenCV's matchers, and range_node through real DDS"
 NEEDS = '[tools], [ros]'
 
 RATES = 30.0, 60.0  # Hz

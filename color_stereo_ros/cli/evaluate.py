@@ -11,7 +11,7 @@ from ..evaluation.numbers import figure_of, write_json
 from ..files.atomic import check_free
 from ..files.claim import claimed
 
-SUMMARY = 'measure methods against the truth: the paper\'s experiments, or folders with truth'
+SUMMARY = "measure methods against the truth: the paper's experiments, or folders with truth"
 NEEDS = '[tools]; without FOLDER [sim]'
 
 DEFAULT_METHODS = 'surface,paper,bm,sgbm,3way'
@@ -64,7 +64,7 @@ def add_arguments(parser):
                              'or folders of them; without any, the experiments of the paper on '
                              'the simulated rig')
     parser.add_argument('--methods', metavar='A,B',
-                        help=f'methods, separated by commas; bm, sgbm and 3way are OpenCV\'s '
+                        help="methods, separated by commas; bm, sgbm and 3way are OpenCV's "
                              f'(default {DEFAULT_METHODS}; with --stress {STRESS_METHODS})')
     parser.add_argument('--quick', action='store_true',
                         help='fewer and coarser experiments: minutes instead of half an hour')

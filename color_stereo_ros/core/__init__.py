@@ -3,8 +3,7 @@
 
 from .compiled import threads  # noqa: F401, before any kernel starts numba's threads
 
-from ..errors import CalibrationError, ColorStereoError, ImageError, RecordingError, SettingsError
-from .cameras.calibration import CameraModel, StereoCalibration
+from .cameras.calibration import CameraModel, StereoCalibration  # noqa: I100
 from .cameras.geometry import RectifiedGeometry, RectifiedPair
 from .patterns.making import make_pattern
 from .pipeline import ColorStereo
@@ -12,6 +11,7 @@ from .results import RangeResult
 from .rows.alignment import Alignment
 from .settings import ColorSettings, MatchingSettings, PatternSettings, RangeSettings, Settings
 from .status import Status
+from ..errors import CalibrationError, ColorStereoError, ImageError, RecordingError, SettingsError
 
 __all__ = [
     'Alignment', 'CalibrationError', 'CameraModel', 'ColorSettings', 'ColorStereo',

@@ -18,10 +18,10 @@ import math
 import cv2
 import numpy as np
 
+from .color_kernels import correct_colors
 from ..errors import CalibrationError
 from ..files.atomic import write_text
 from ..files.yaml import load_yaml, UnreadableError, yaml_text
-from .color_kernels import correct_colors
 
 FULL_SCALE = 255
 PEDESTAL = 4.0

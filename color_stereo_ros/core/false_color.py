@@ -6,8 +6,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..errors import SettingsError
 from .status import Status
+from ..errors import SettingsError
 
 RANGE_COLORS = ('viridis', 'paper')
 """Names of the maps of depth; the first is the default."""

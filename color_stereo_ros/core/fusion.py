@@ -11,11 +11,11 @@ accordingly. Only the sums are kept, so the memory does not grow with the number
 import cv2
 import numpy as np
 
-from ..errors import ImageError
 from .results import RangeResult
 from .status import Status
 from .status_codes import VALID
 from .triangulation import depth_from_disparity
+from ..errors import ImageError
 
 _AGREE = np.float32(1.0)
 """px by which values of a pixel may differ: a range is right within 1 px."""

@@ -8,7 +8,6 @@ from time import perf_counter
 
 import numpy as np
 
-from ..errors import CalibrationError, SettingsError
 from .arrays import Image
 from .cameras.calibration import StereoCalibration
 from .cameras.covariance import StereoCovariance
@@ -33,6 +32,7 @@ from .settings import Settings
 from .status_codes import VALID
 from .trackers import is_makable, tracker_of
 from .triangulation import disparity_limits
+from ..errors import CalibrationError, SettingsError
 
 # The kernels own their buffers and numba's threading layers do not all allow parallel calls.
 KERNELS = Lock()

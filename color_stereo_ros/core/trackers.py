@@ -3,11 +3,11 @@
 
 from functools import lru_cache
 
-from ..errors import SettingsError
 from .patterns.making import check_pattern, make_pattern
 from .patterns.registry import PATTERNS
 from .projector.finding import ProjectorFinder
 from .projector.tracking import ProjectorTracker
+from ..errors import SettingsError
 
 
 def is_makable(settings):

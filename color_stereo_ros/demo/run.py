@@ -11,6 +11,10 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 
+from .layout import RECORDING, SETTINGS, TRUTH
+from .page import (DEFAULT_METHOD, depth_preview, make_page, Measurement, one_line, overview,
+                   page_limits)
+from .plots import surface_plot
 from ..core import RangeResult, RecordingError, StereoCalibration
 from ..core.false_color import range_limits
 from ..core.legends import with_scale_bar
@@ -25,15 +29,11 @@ from ..files.image import write_image
 from ..messages.outputs import millimeters
 from ..messages.published import values_of
 from ..messages.reading import image_to_rgb
-from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
+from ..nodes.live import Collector, latched, LiveError, Processes, ros_node, spin_until
 from ..nodes.sensor.worker import COMPILING, READY
 from ..parameters.files import read_settings
 from ..parameters.groups import RangeNodeSettings
 from ..recordings.reading import Recording
-from .layout import RECORDING, SETTINGS, TRUTH
-from .page import (DEFAULT_METHOD, depth_preview, make_page, Measurement, one_line, overview,
-                   page_limits)
-from .plots import surface_plot
 
 OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
            'disparity': DisparityImage, 'range_image': Image, 'confidence/image': Image,

@@ -11,10 +11,10 @@ from dataclasses import fields
 
 import numpy as np
 
-from ..core import ColorSettings, MatchingSettings
 from .methods import evaluate, own_settings
 from .renders import default_pattern, paper_pattern
 from .tuned import switched_off
+from ..core import ColorSettings, MatchingSettings
 
 KEYS = ('density', 'mean_percent', 'median_px', 'bad_1', 'false_share', 'milliseconds')
 

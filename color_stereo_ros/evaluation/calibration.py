@@ -14,6 +14,7 @@ import sys
 
 import numpy as np
 
+from .corners import rig
 from ..calibration.adjustment import adjust
 from ..calibration.boards import Board
 from ..calibration.charuco import is_available
@@ -25,7 +26,6 @@ from ..core.cameras.lenses import LENSES
 from ..core.cameras.parameters import StereoParameters
 from ..sim.boards import board_pair
 from ..sim.geometry import Pose
-from .corners import rig
 
 DISTANCE = 0.35  # m, where depth and rows are asked for
 VIEWS = 15

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from .metrics import Truth
+from .noise_limit import CameraNoise
 from ..core import ColorStereoError, ImageError, RecordingError, Settings, StereoCalibration
 from ..files.atomic import folder_written_whole
 from ..files.image import read_image, write_image
 from ..files.yaml import load_yaml, UnreadableError
 from ..parameters.files import read_settings, settings_text
-from .metrics import Truth
-from .noise_limit import CameraNoise
 
 
 @dataclass(frozen=True, eq=False)

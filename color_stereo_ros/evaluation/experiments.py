@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .methods import evaluate
+from .renders import as_scene, default_pattern, paper_pattern
 from ..core import ColorStereoError, PatternSettings
 from ..core.false_color import false_color
 from ..core.paper.color import ColorCorrection
 from ..core.triangulation import disparity_from_depth
-from .methods import evaluate
-from .renders import as_scene, default_pattern, paper_pattern
 
 TABLE_31 = {250: 1.5, 300: 2.3, 350: 2.0, 400: 1.9, 450: 3.0, 500: 2.6, 550: 4.0}
 """The paper's table 3.1: distance of a white reflector, mm, and mean absolute error, mm."""
@@ -56,7 +56,7 @@ class Plan:
     """Rays per pixel along either axis."""
     distances: tuple = tuple(TABLE_31)
     materials: tuple = tuple(TABLE_32)
-    complex: tuple = COMPLEX
+    complex: tuple = COMPLEX  # noqa: A003
     sweeps: dict = field(default_factory=lambda: {
         name: abscissae for name, (_, _, abscissae) in SWEEPS.items()})
     repeats: int = 3

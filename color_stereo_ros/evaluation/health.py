@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import ColorStereo, Settings
-from ..core.health.drift import corrected, SHOWN
 from .stress.light import LightScenes, SCENES
 from .stress.mounting import Mounting
 from .stress.rig import StressRig
 from .stress.shot import Shots
+from ..core import ColorStereo, Settings
+from ..core.health.drift import corrected, SHOWN
 
 PAIRS = 6         # after a knock; the last one counts
 LARGEST = 0.3     # degrees

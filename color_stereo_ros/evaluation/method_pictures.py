@@ -16,12 +16,12 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 import numpy as np
 
+from .renders import default_pattern, Renders
 from ..core import ColorStereo, PatternSettings, Settings, Status
 from ..core.compiled import Arena
 from ..core.surface.planes import PlaneField
 from ..core.surface.trust_kernels import EVIDENCE
 from ..pages.plots import STYLE
-from .renders import default_pattern, Renders
 
 SCENE = 'solids'
 REPEATING = PatternSettings(type='sine', cycles=16)

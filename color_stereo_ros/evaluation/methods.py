@@ -4,15 +4,15 @@
 from dataclasses import asdict, dataclass
 import time
 
+from . import opencv_matchers
+from .metrics import measure
+from .noise_limit import compare, measured_noise, noise_limit, Window
+from .tuned import stereo_for
 from ..core import RangeResult, RectifiedPair, Settings, SettingsError
 from ..core.cameras.rectification import Rectifier
 from ..core.methods import METHODS
 from ..core.settings import suggestion
 from ..core.surface.plane_kernels import WIDE_RADIUS
-from . import opencv_matchers
-from .metrics import measure
-from .noise_limit import compare, measured_noise, noise_limit, Window
-from .tuned import stereo_for
 
 
 REPEATS = 3

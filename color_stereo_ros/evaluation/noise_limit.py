@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .metrics import depth_edges, ROBUST_STD, robust_std
 from ..core import SettingsError
 from ..core.triangulation import disparity_from_depth
-from .metrics import ROBUST_STD, depth_edges, robust_std
 
 BAYER_SHARES = (0.25, 0.5, 0.25)
 DEFAULT_WINDOW = 9

@@ -14,9 +14,9 @@ import sys
 import cv2
 import numpy as np
 
+from .renders import default_pattern, Renders
 from ..core import ColorStereo, Settings
 from ..core.triangulation import points_from_depth
-from .renders import default_pattern, Renders
 
 RIGS = {'paper': 0.38, 'effector': 0.5}
 """Rigs and the distance at which their surfaces stand, m."""

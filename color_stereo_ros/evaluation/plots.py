@@ -4,9 +4,9 @@
 from matplotlib.figure import Figure
 import numpy as np
 
+from .experiments import SWEEPS, TABLE_31, TABLE_32
 from ..core.false_color import STATUS_COLORS
 from ..pages.plots import as_image, as_svg, plain_numbers, styled
-from .experiments import SWEEPS, TABLE_31, TABLE_32
 
 COLORS = {'surface': '#0b7a5b', 'paper': '#c8553d', 'bm': '#8a94a6', 'sgbm': '#3d6cb4',
           '3way': '#7a5ab0'}

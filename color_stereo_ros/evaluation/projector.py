@@ -14,11 +14,11 @@ from time import perf_counter
 
 import numpy as np
 
-from ..core import ColorStereo, make_pattern, PatternSettings, Settings
-from ..core.projector import Measured, ProjectorFinder, ProjectorModel
 from .stress.disturbances import DISTURBANCES
 from .stress.light import LightScenes, MAIN, SCENES
 from .stress.shot import Shots
+from ..core import ColorStereo, make_pattern, PatternSettings, Settings
+from ..core.projector import Measured, ProjectorFinder, ProjectorModel
 
 CASES = (('none', 1), ('gamma_both', 2.2), ('projector_gamma', 2.2), ('blur_both', 2),
          ('blur_both', 3), ('jpeg', 60), ('exposure', 0.2), ('crosstalk_both', 0.15),

@@ -5,11 +5,11 @@ from dataclasses import replace
 import hashlib
 from pathlib import Path
 
-from ..core import make_pattern, PatternSettings
-from ..core.settings import flat, Settings
 from .datasets import load_folder, save_folder, Scene
 from .metrics import Truth
 from .noise_limit import BAYER_SHARES, CameraNoise
+from ..core import make_pattern, PatternSettings
+from ..core.settings import flat, Settings
 
 FULL_SCALE = 255  # DN
 FORMAT = 2  # raised when the meaning of kept pairs changes

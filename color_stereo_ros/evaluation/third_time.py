@@ -12,8 +12,8 @@ from collections import defaultdict
 from statistics import mean, median
 from time import perf_counter, process_time
 
-from ..core import ColorStereo, Settings
 from .stress.shot import Shots
+from ..core import ColorStereo, Settings
 
 ROUNDS = 25
 WARM_UP = 3

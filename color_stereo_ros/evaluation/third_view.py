@@ -14,13 +14,13 @@ from time import process_time
 
 import numpy as np
 
-from ..core import ColorStereo, PatternSettings, Settings
-from ..core.projector.model import COUNT, ProjectorModel
 from . import third_time
 from .metrics import RIGHT, words
 from .stress.disturbances import DISTURBANCES
 from .stress.light import LightScenes, MAIN, SCENES
 from .stress.shot import Shots
+from ..core import ColorStereo, PatternSettings, Settings
+from ..core.projector.model import COUNT, ProjectorModel
 
 COLUMNS = (('cover', '{:.4f}', 1), ('density', '{:.4f}', 1), ('wrong', '{:.2f} %', 100),
            ('false_wrong', '{:.2f} %', 100), ('hi', '{:.2f} %', 100), ('median_px', '{:.4f}', 1),

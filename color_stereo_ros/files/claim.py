@@ -5,8 +5,8 @@ from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 
-from ..errors import RecordingError
 from .atomic import open_and_lock
+from ..errors import RecordingError
 
 
 @contextmanager

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import RecordingError
 from .atomic import write_bytes
+from ..errors import RecordingError
 
 _IN_PLY = {'normal_x': 'nx', 'normal_y': 'ny', 'normal_z': 'nz'}
 """Fields that PLY files name otherwise than PCD files."""

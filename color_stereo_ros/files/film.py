@@ -5,8 +5,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ..errors import ImageError, RecordingError
 from .atomic import written_whole
+from ..errors import ImageError, RecordingError
 
 CODEC = 'mp4v'
 """MPEG-4 part 2, which every build of OpenCV can write."""

@@ -10,8 +10,8 @@ import tempfile
 
 import numpy as np
 
-from ..errors import ImageError, RecordingError
 from .atomic import write_bytes
+from ..errors import ImageError, RecordingError
 
 HALF_READ = ('premature', 'corrupt')
 """Words by which a decoder tells that it has filled up what the file does not hold."""

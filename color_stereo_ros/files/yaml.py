@@ -140,7 +140,7 @@ def parse_documents(text):
     except yaml.YAMLError as error:
         raise UnreadableError(f'is no YAML{_place(error)}') from error
     except IMPOSSIBLE as error:
-        raise UnreadableError(f'is no YAML: it holds an impossible number or date') from error
+        raise UnreadableError('is no YAML: it holds an impossible number or date') from error
     return [content for content in contents if content is not None]
 
 

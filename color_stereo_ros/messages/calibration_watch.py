@@ -3,10 +3,10 @@
 
 import time
 
+from .synchronizer import SIDES
 from ..core.cameras.calibration import StereoCalibration
 from ..core.cameras.checks import check_rotation
 from ..errors import brief, CalibrationError
-from .synchronizer import SIDES
 
 _SETTLING = 0.5
 """After a change on one side the other one is waited for this long, s: both may change."""

@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from ..core.results import NORMALS
-from ..core.triangulation import rays
 from .cloud_kernels import fill_points, join_fields, turn_vectors
 from .contents import new_memory, PointCloud2, PointField
+from ..core.results import NORMALS
+from ..core.triangulation import rays
 
 POINT_STEP = 16
 """Bytes of a point without optional fields: x, y, z (float32, m) and rgb (0x00RRGGBB)."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ImageError
 from .encodings import WRITTEN
+from ..errors import ImageError
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class CompressedImage:
     TYPE = 'sensor_msgs/msg/CompressedImage'
 
     header: Header
-    format: str
+    format: str  # noqa: A003
     """What the bytes are, in the words of image_transport."""
     data: object
     """Bytes, as of an Image."""

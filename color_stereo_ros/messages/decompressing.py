@@ -15,11 +15,11 @@ import sys
 import cv2
 import numpy as np
 
-from ..errors import brief, ImageError
-from ..files.image import is_cut_off_jpeg
 from .contents import Image
 from .encodings import BAYER, COLORS
 from .reading import MAX_SIDE
+from ..errors import brief, ImageError
+from ..files.image import is_cut_off_jpeg
 
 _JPEG, _PNG, _PNG_END = b'\xff\xd8', b'\x89PNG\r\n\x1a\n', b'IEND'
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # start-of-frame markers of a JPEG

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .contents import (Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3)
 from ..core.cameras.checks import check_rotation
 from ..errors import CalibrationError
-from .contents import (Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3)
 
 TOPIC = '/tf_static'
 ENDING, MARK = '_optical_frame', '_rectified'

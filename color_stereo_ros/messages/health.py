@@ -3,13 +3,13 @@
 
 import numpy as np
 
+from .contents import DiagnosticArray, DiagnosticStatus, KeyValue
 from ..core.cameras.covariance import check_hashes, hashes_of
 from ..core.cameras.parameters import SIDES
 from ..core.health.drift import corrected, COUNT, NAMES, SHOWN, UNITS
 from ..core.health.posterior import KnownDrift
 from ..errors import CalibrationError
 from ..files.yaml import load_yaml, UnreadableError
-from .contents import DiagnosticArray, DiagnosticStatus, KeyValue
 
 TOPIC = 'calibration_health'
 VALUE, SPREAD = '{} ({})', '{}, standard deviation ({})'

@@ -13,10 +13,6 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..core.cameras.calibration import CameraModel
-from ..core.false_color import false_color, range_limits, status_picture
-from ..core.legends import with_status_legend
-from ..core.registry import Registry
 from .cloud import cloud
 from .compressing import compressed_depth, jpeg
 from .contents import (camera_info, CameraInfo, CompressedImage, DiagnosticArray, DisparityImage,
@@ -24,6 +20,10 @@ from .contents import (camera_info, CameraInfo, CompressedImage, DiagnosticArray
 from .disparity import disparity
 from .frames import frames_of
 from .health import health_message, suggestion, TOPIC as HEALTH
+from ..core.cameras.calibration import CameraModel
+from ..core.false_color import false_color, range_limits, status_picture
+from ..core.legends import with_status_legend
+from ..core.registry import Registry
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Context:
 class Output:
     """One output topic."""
 
-    type: str
+    type: str  # noqa: A003
     """Of its messages, for example sensor_msgs/msg/Image."""
     description: str
     """Encoding, unit, the value that means unknown."""

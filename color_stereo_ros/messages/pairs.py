@@ -3,10 +3,10 @@
 
 from dataclasses import replace
 
-from ..errors import ImageError
 from .decompressing import opened
 from .reading import image_to_rgb
 from .synchronizer import SIDES
+from ..errors import ImageError
 
 
 def rgb_pair(pair):

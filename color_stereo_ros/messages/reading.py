@@ -12,9 +12,9 @@ import struct
 import cv2
 import numpy as np
 
-from ..errors import ImageError
 from .contents import CompressedImage, Header, Image, Time
 from .encodings import complaint, conversion, MONO, PLAIN, READ
+from ..errors import ImageError
 
 _MIN_BAYER_SIZE = 3
 MAX_SIDE = 32767

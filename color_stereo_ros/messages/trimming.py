@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.status import Status
-from ..core.triangulation import rays
 from .cloud import single
 from .cloud_kernels import find_outside
+from ..core.status import Status
+from ..core.triangulation import rays
 
 
 def trimmed(result, context):

@@ -3,9 +3,9 @@
 
 import time
 
-from ..calibration.color import FRAMES
 from .live import LiveError
 from .live_pairs import live_pairs
+from ..calibration.color import FRAMES
 
 FRAME = 'pattern.frame'
 PATIENCE = 10.0  # s for an answer of pattern_node

@@ -5,11 +5,11 @@ from contextlib import contextmanager
 from functools import partial
 import threading
 
+from .live import ros_node
 from ..errors import ImageError
 from ..messages.pairs import rgb_pair
 from ..messages.reading import read_compressed_image, read_image, stamp_ns
 from ..messages.synchronizer import LatestSlot, SIDES, Synchronizer
-from .live import ros_node
 
 LOOK = 0.5      # s between two looks at what is wrong
 PATIENCE = 5.0  # s without a pair before somebody is told why

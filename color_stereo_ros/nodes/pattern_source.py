@@ -18,6 +18,8 @@ from sensor_msgs.msg import Image
 
 from std_msgs.msg import String
 
+from .filling import message_of
+from .parameters import NodeParameters, Reloadable
 from ..core.patterns.frames import make_frame, PATTERN
 from ..core.patterns.making import check_pattern
 from ..errors import bounded, ColorStereoError
@@ -25,8 +27,6 @@ from ..messages.contents import Header, image, new_memory
 from ..messages.projector import FRAME
 from ..messages.synchronizer import LatestSlot
 from ..parameters.groups import PatternNodeSettings
-from .filling import message_of
-from .parameters import NodeParameters, Reloadable
 
 _LARGE = 4_000_000  # px; making so many takes a noticeable time
 _PATIENCE = 0.2

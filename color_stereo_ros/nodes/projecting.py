@@ -5,8 +5,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ..messages.reading import image_to_rgb
 from .live import ros_node
+from ..messages.reading import image_to_rgb
 
 TOPIC = 'pattern/image'
 

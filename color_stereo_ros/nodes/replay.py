@@ -7,8 +7,8 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
-from ..errors import RecordingError
 from .filling import message_class
+from ..errors import RecordingError
 
 SECOND = 1_000_000_000
 SETTLING = 0.5  # s from the first sign of a subscriber until both sides know all its topics

@@ -7,9 +7,9 @@ import sys
 import threading
 import traceback
 
-from ..errors import InstallationError, pip_install
 from . import usage as help_text
 from .environment import prepare
+from ..errors import InstallationError, pip_install
 
 _POLL = 0.1
 """s until a signal is noticed by an idle node."""

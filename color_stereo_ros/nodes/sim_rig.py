@@ -19,6 +19,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo, Image
 
+from .filling import message_of
+from .parameters import NodeParameters, Reloadable
+from .pattern_source import latched
 from ..errors import brief, ColorStereoError, SettingsError
 from ..messages.contents import camera_info, Header, image
 from ..messages.reading import image_to_rgb
@@ -26,9 +29,6 @@ from ..messages.synchronizer import LatestSlot
 from ..parameters.groups import SimRigSettings
 from ..sim import load_scene, Renderer
 from ..sim.electronics import expose, exposures_for
-from .filling import message_of
-from .parameters import NodeParameters, Reloadable
-from .pattern_source import latched
 
 PATIENCE = 2.0  # s that the end of the node waits for the renderer
 

@@ -41,8 +41,9 @@ class Usage:
 def _entry(head, meaning, width):
     """Return the lines of one entry."""
     head = textwrap.wrap(head, width, initial_indent='  ', subsequent_indent=' ' * 2 * _INDENT)
-    return [*head, *textwrap.wrap(meaning, width, initial_indent=' ' * _INDENT,
-                                        subsequent_indent=' ' * _INDENT)]
+    indent = ' ' * _INDENT
+    return [*head, *textwrap.wrap(meaning, width, initial_indent=indent,
+                                  subsequent_indent=indent)]
 
 
 def _parameters(settings, width):

@@ -3,7 +3,7 @@
 
 from html import escape
 
-CSS = '''
+CSS = """
 :root { --ink: #1c2330; --soft: #5b6472; --line: #e3e6eb; --paper: #ffffff; --tint: #f6f7f9;
         --good: #0b7a5b; }
 * { box-sizing: border-box; }
@@ -49,7 +49,7 @@ summary { cursor: pointer; font-weight: 600; }
 .bar { display: inline-block; width: 130px; height: 11px; border-radius: 3px; margin: 0 5px;
        vertical-align: -1px; }
 code { background: #eef0f4; border-radius: 4px; padding: 1px 5px; font-size: 90%; }
-'''
+"""
 
 
 def section(anchor, title, body):

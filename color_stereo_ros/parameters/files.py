@@ -6,11 +6,11 @@ import sys
 
 import yaml
 
+from .groups import PatternNodeSettings, RangeNodeSettings
 from ..core.settings import checked_value, described, flat, Settings, suggestion
 from ..errors import SettingsError
 from ..files.atomic import write_text
 from ..files.yaml import load_yaml, UnreadableError
-from .groups import PatternNodeSettings, RangeNodeSettings
 
 SENSORS = ('range_node', 'lifecycle_range_node')
 """Nodes whose parameters the settings of the core belong to."""

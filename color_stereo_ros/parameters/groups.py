@@ -174,7 +174,7 @@ class MeasuringSettings:
     pattern: PatternSettings = Settings().pattern
     color: Group = Settings().color
     matching: Group = Settings().matching
-    range: Group = Settings().range
+    range: Group = Settings().range  # noqa: A003
     health: Group = Settings().health
 
     @property
@@ -188,7 +188,7 @@ class MeasuringSettings:
 class RangeNodeSettings(MeasuringSettings):
     """All parameters of range_node."""
 
-    input: InputSettings = InputSettings()
+    input: InputSettings = InputSettings()  # noqa: A003
     output: OutputSettings = OutputSettings()
     sync: SyncSettings = SyncSettings()
     capture: CaptureSettings = CaptureSettings()

@@ -6,16 +6,16 @@ from pathlib import Path
 import re
 from uuid import uuid4
 
-from .. import __version__
-from ..core.settings import flat, updated
-from ..errors import RecordingError
-from ..parameters.files import settings_text
 from .engine import run_tasks
 from .parts import Parts
 from .refusals import TOLD
 from .tasks import pairs_per_task, readable_plan, tasks_of
 from .working import Run
 from .writing import check_writable
+from .. import __version__
+from ..core.settings import flat, updated
+from ..errors import RecordingError
+from ..parameters.files import settings_text
 
 FILES = 'color.calibration', 'health.covariance'
 """Settings that name files: a worker may have another working folder."""

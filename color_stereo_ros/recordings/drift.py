@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """By how much the cameras of a recording have moved since they were calibrated."""
 
-from ..core.settings import updated
-from ..errors import RecordingError
 from .measuring import make_stereo, PairSensor
 from .pairing import Pairing
+from ..core.settings import updated
+from ..errors import RecordingError
 
 
 class DriftSensor:

@@ -10,9 +10,9 @@ other, and gives the task of a process that was killed to another one.
 from contextlib import contextmanager
 import logging
 
+from .working import forget_runs, measure_task
 from ..core.compiled import one_thread
 from ..errors import RecordingError
-from .working import forget_runs, measure_task
 
 DEATHS = 10
 """Processes that may be killed over one task; chosen: a machine in trouble, not the task."""

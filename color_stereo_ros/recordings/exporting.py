@@ -9,17 +9,17 @@ import re
 
 import numpy as np
 
+from .carrying import TaskStereo
+from .measuring import PairSensor
+from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS, Shot
+from .reading import seconds
+from .tasks import pairs_per_task, readable_plan, tasks_of
 from ..errors import RecordingError, SettingsError
 from ..files.claim import claimed
 from ..files.film import film
 from ..messages.contents import Header
 from ..messages.outputs import Context
 from ..messages.trimming import trimmed
-from .carrying import TaskStereo
-from .measuring import PairSensor
-from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS, Shot
-from .reading import seconds
-from .tasks import pairs_per_task, readable_plan, tasks_of
 
 FRAMES = re.compile(r'-?\d+|(-?\d+)?:(-?\d+)?(:\d+)?')
 SLOWEST, FASTEST = 0.1, 120.0

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The frames of pattern_node in a recording, as the cameras saw them."""
 
+from .pairs import pairs_of
 from ..errors import ImageError, RecordingError
 from ..messages.pairs import rgb_pair
-from .pairs import pairs_of
 
 INFO = 'pattern/info'
 NANOSECONDS = 1e9

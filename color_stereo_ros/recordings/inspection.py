@@ -12,6 +12,10 @@ import shlex
 
 import numpy as np
 
+from .measuring import make_stereo
+from .salvage import is_salvageable
+from .sampling import Sampler, size_of
+from .topics import guessed_pairs, NOTHING_NAMED, OPTIONS
 from ..core.account import (are_gray, doubts_about_images, doubts_about_result, exposure_of, FEW,
                             main_reason, status_shares)
 from ..core.patterns.frames import PATTERN
@@ -19,10 +23,6 @@ from ..core.patterns.seen import pattern_seen
 from ..core.settings import flat, PatternSettings, updated
 from ..errors import brief, ColorStereoError, RecordingError
 from ..messages.pairs import rgb_pair
-from .measuring import make_stereo
-from .sampling import Sampler, size_of
-from .salvage import is_salvageable
-from .topics import guessed_pairs, NOTHING_NAMED, OPTIONS
 
 INFO, IMAGE = 'pattern/info', 'pattern/image'
 """Topics of pattern_node, without namespace."""

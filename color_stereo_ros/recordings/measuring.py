@@ -7,6 +7,8 @@ the same values.
 
 """
 
+from .reading import seconds
+from .refusals import TOLD
 from ..core import ColorStereo, ColorStereoError, ImageError
 from ..core.doubts import Doubts
 from ..messages.contents import Header
@@ -19,8 +21,6 @@ from ..messages.significant_bits import SignificantBits
 from ..messages.synchronizer import Pair
 from ..messages.trimming import trimmed
 from ..patience import patience
-from .reading import seconds
-from .refusals import TOLD
 
 DEFAULT_TOPICS = 'points', 'depth/image', 'depth/camera_info'
 VIEWS = 'views/image'

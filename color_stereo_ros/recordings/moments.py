@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from ..errors import ImageError, RecordingError
-from ..messages.pairs import rgb_pair
 from .pairs import pairs_of
 from .transforms import Transforms
+from ..errors import ImageError, RecordingError
+from ..messages.pairs import rgb_pair
 
 STILL_MOVE, STILL_TURN = 2e-4, 1e-3  # m, rad; chosen: twice the noise of a good robot
 SPAN = 150_000_000  # ns before and after the exposure; chosen: a robot that stops oscillates

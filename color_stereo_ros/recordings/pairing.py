@@ -4,13 +4,13 @@
 from collections import Counter, deque
 from dataclasses import dataclass
 
+from .refusals import Refusals
+from .times import OutputTimes
 from ..errors import RecordingError
 from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import CompressedImage, Image
 from ..messages.reading import stamp_ns
 from ..messages.synchronizer import Synchronizer
-from .refusals import Refusals
-from .times import OutputTimes
 
 WAITING = 50
 """Pairs that wait for a calibration; older ones are given up."""

@@ -14,11 +14,11 @@ import shutil
 
 import yaml
 
+from .working import ACCOUNT, calibration_names, part_name, read_account, SETTINGS
 from ..errors import RecordingError
 from ..files.atomic import folder_written_whole, write_text
 from ..files.claim import held
 from ..files.yaml import yaml_text
-from .working import ACCOUNT, calibration_names, part_name, read_account, SETTINGS
 
 RUN = 'run.yaml'
 METADATA = 'metadata.yaml'

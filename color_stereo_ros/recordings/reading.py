@@ -14,11 +14,11 @@ import re
 
 import numpy as np
 
-from ..errors import RecordingError
 from .salvage import is_salvageable, SalvagedMcap
 from .sources import opened
 from .topics import NOTHING_NAMED, stereo_topics
 from .types import typestore
+from ..errors import RecordingError
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class RecordedMessage:
     """One message of a recording, still serialized."""
 
     topic: str
-    type: str
+    type: str  # noqa: A003
     """For example sensor_msgs/msg/Image."""
     time_ns: int
     """When it was recorded, ns."""

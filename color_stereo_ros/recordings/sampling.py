@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .refusals import Refusals
 from ..errors import RecordingError
 from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import CameraInfo
 from ..messages.reading import stamp_ns
 from ..messages.synchronizer import Synchronizer
-from .refusals import Refusals
 
 PLACES = 3
 """Windows of a long recording."""

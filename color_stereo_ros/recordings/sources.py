@@ -9,9 +9,9 @@ refused in one sentence that says what to do.
 
 import numpy as np
 
-from ..errors import RecordingError
 from .record_times import times_in
 from .types import new_typestore
+from ..errors import RecordingError
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
 _ROS1 = b'#ROSBAG V'

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import StereoCalibration
-from ..errors import RecordingError
-from ..messages.reading import stamp_ns
 from .pairing import FoundPair, Pairing, Places, Taken
 from .salvage import is_salvageable
+from ..errors import RecordingError
+from ..messages.reading import stamp_ns
 
 PAIRS = 64
 """Pairs of a task; chosen: the warm-up costs 5 % then, and a killed process seconds."""

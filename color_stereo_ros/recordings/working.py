@@ -6,6 +6,11 @@ from pathlib import Path
 
 import yaml
 
+from .carrying import TaskStereo
+from .measuring import OutputWriter, PairSensor
+from .reading import Recording
+from .topics import StereoTopics
+from .writing import open_writer
 from .. import __version__
 from ..core import RecordingError, StereoCalibration
 from ..core.settings import updated
@@ -13,11 +18,6 @@ from ..files.atomic import folder_written_whole, write_text
 from ..files.yaml import yaml_text
 from ..parameters.files import read_settings
 from ..parameters.groups import RangeNodeSettings
-from .carrying import TaskStereo
-from .measuring import OutputWriter, PairSensor
-from .reading import Recording
-from .topics import StereoTopics
-from .writing import open_writer
 
 ACCOUNT = 'account.yaml'
 """File of a part that tells how its task went."""

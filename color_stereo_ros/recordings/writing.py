@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from .types import serialized, typestore
 from ..errors import RecordingError
 from ..files.atomic import folder_written_whole
 from ..messages.contents import camera_info, Header, image
-from .types import serialized, typestore
 
 LEVEL = 1
 """Of zstd: half the time of 3, the default of the library, for 3 % more bytes (docs/scale.md)."""

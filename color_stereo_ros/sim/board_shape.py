@@ -3,9 +3,9 @@
 
 import numpy as np
 
+from .errors import SceneError
 from ..calibration.boards import Board, BOARDS
 from ..errors import ColorStereoError
-from .errors import SceneError
 
 SIDES = 128      # corners of a disk; its edge is off by 3e-4 of the radius
 LIFT = 5e-6      # m from the board to its disks, which overlie it

@@ -142,8 +142,8 @@ def _noise(generator, sigma):
     import cv2
     size = TEXTURE_SIZE
     noise = np.tile(generator.standard_normal((size, size)).astype(np.float32), (2, 2))
-    noise = cv2.GaussianBlur(noise, (0, 0), max(sigma, 0.3))[size // 2:-size // 2,
-                                                               size // 2:-size // 2]
+    middle = slice(size // 2, -size // 2)
+    noise = cv2.GaussianBlur(noise, (0, 0), max(sigma, 0.3))[middle, middle]
     return np.clip(0.5 + noise / (5 * noise.std()), 0, 1)
 
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass, fields
 import hashlib
 from pathlib import Path
 
-import numpy as np
-
 from color_stereo_ros.core.cameras.calibration import StereoCalibration
 from color_stereo_ros.errors import ImageError
 from color_stereo_ros.files.atomic import written_whole
+
+import numpy as np
 
 from .electronics import expose, exposures_for
 from .transport import direct_image, DirectLight, indirect_image, sample_direct, World

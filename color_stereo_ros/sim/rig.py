@@ -4,10 +4,10 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from color_stereo_ros.core.cameras.calibration import StereoCalibration
 from color_stereo_ros.core.cameras.lenses import LENSES
+
+import numpy as np
 
 from .errors import SceneError
 from .geometry import Pose

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from color_stereo_ros.files.yaml import load_yaml, UnreadableError
+
 from .errors import SceneError
 from .fields import Reader
 from .rig import read_rig, Rig

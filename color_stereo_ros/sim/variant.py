@@ -11,8 +11,8 @@ import re
 import subprocess
 import sys
 
-from ..errors import pip_install
 from .errors import SimulatorMissingError
+from ..errors import pip_install
 
 LLVM_PLACES = (
     '/usr/lib/*/libLLVM.so.*', '/usr/lib/*/libLLVM-*.so*', '/usr/lib/libLLVM*.so*',

@@ -6,6 +6,8 @@ import time
 
 import numpy as np
 
+from .frame import Frame
+from .page import PERIOD
 from ..core import CalibrationError, ColorStereoError, ImageError, StereoCalibration
 from ..core.results import RangeResult
 from ..core.triangulation import disparity_from_depth, disparity_limits
@@ -16,8 +18,6 @@ from ..nodes.live import Collector, ros_node
 from ..nodes.live_pairs import LivePairs
 from ..recordings.reading import seconds
 from ..recordings.topics import STEREO_TOPICS
-from .frame import Frame
-from .page import PERIOD
 
 OUTPUTS = ('depth/image', 'confidence/image', 'status/image', 'views/image', 'depth_std/image',
            'left/image_rect_color')

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..pages.serving import ServedPage
 from .page import TITLE
 from .scene import Scene
+from ..pages.serving import ServedPage
 
 MOST_EXACT = 240_000
 """Points of a frame that are kept as float32; chosen: the file has less than 6 MB then."""

@@ -8,12 +8,12 @@ import time
 import cv2
 import numpy as np
 
-from ..errors import ColorStereoError
-from ..pages.serving import QUALITY, ServedPage
 from .measuring import distance, fitted_plane, inside_box, point_on_ray
 from .pictures import LEFT, POINT_COLORS, RIGHT
 from .scene import Scene, SECOND
 from .telling import about_distance, about_frame, about_pixel, about_plane, HOW_TO
+from ..errors import ColorStereoError
+from ..pages.serving import ServedPage
 
 TITLE = 'color_stereo view'
 VIEWS = {'All': 'all', 'Points': 'points', 'Pictures': 'pictures'}

@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from ..core.triangulation import rays
-from ..pages.serving import QUALITY
 from .pictures import legends_of, pictures_of, point_colors
 from .wall import FIELD, Wall
+from ..core.triangulation import rays
+from ..pages.serving import QUALITY
 
 MARK = (214, 39, 110)
 SECOND = (20, 120, 220)

@@ -4,13 +4,13 @@
 from collections import OrderedDict
 from threading import RLock
 
+from .frame import Frame
 from ..calibration.pairs import find_pairs
 from ..core import RecordingError
 from ..recordings.carrying import TaskStereo
 from ..recordings.measuring import make_stereo, PairSensor
 from ..recordings.reading import seconds
 from ..recordings.tasks import readable_plan, tasks_of
-from .frame import Frame
 
 KEPT = 8
 """Frames; chosen: a look back costs nothing, and some 100 MB are enough."""

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
+from .frame import STEP
 from ..core.account import rows_in_words, status_shares
 from ..core.status import Status
-from .frame import STEP
 
 SEEN_BY = {0: 'nobody else', 1: 'the right camera', 2: 'the projector',
            3: 'the right camera and the projector'}

@@ -10,15 +10,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import CalibrationError
-from ...files.atomic import write_text
-from ...files.camera_info import camera_info_text, read_camera_info, WINDOW
-from ...files.yaml import UnreadableError
-from ..arrays import Doubles, Size
 from . import checks
 from .common_view import with_common_view, with_equal_centers
 from .geometry import RectifiedGeometry
 from .lenses import coefficients_of, LENSES
+from ..arrays import Doubles, Size
+from ...errors import CalibrationError
+from ...files.atomic import write_text
+from ...files.camera_info import camera_info_text, read_camera_info, WINDOW
+from ...files.yaml import UnreadableError
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from ...errors import brief, CalibrationError
 from .lenses import LENSES
+from ...errors import brief, CalibrationError
 
 ROTATION_TOLERANCE = 1e-3    # largest deviation of R R^T from the identity
 PROJECTION_TOLERANCE = 0.01  # px, between the entries of P that both cameras share

@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from ...errors import CalibrationError
 from .lenses import LENSES
+from ...errors import CalibrationError
 
 SAMPLES = (33, 25)           # rays of a raw image, columns and rows
 BASELINES = (0.25, 64.0)     # depths at which views are compared, baselines

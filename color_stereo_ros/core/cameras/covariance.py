@@ -9,11 +9,11 @@ from typing import Self
 import cv2
 import numpy as np
 
+from .lenses import LENSES
+from .parameters import SIDES, StereoParameters
 from ...errors import CalibrationError
 from ...files.atomic import write_text
 from ...files.yaml import load_yaml, UnreadableError, yaml_text
-from .lenses import LENSES
-from .parameters import SIDES, StereoParameters
 
 DIGITS = 12      # of the values that a hash covers: rounding of other programs keeps them
 SYMMETRY = 1e-6  # of the standard deviations: what rounding may leave

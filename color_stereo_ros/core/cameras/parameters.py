@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...errors import CalibrationError
 from . import checks
 from .calibration import StereoCalibration
+from ...errors import CalibrationError
 
 SIDES = ('left', 'right')
 INTRINSICS = ('fx', 'fy', 'cx', 'cy')

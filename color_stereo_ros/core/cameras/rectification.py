@@ -4,9 +4,9 @@
 import cv2
 import numpy as np
 
-from ...errors import ImageError
 from .geometry import RectifiedPair
 from .lenses import LENSES
+from ...errors import ImageError
 
 FAR_OUTSIDE = -1e4  # px, fits the 16-bit maps
 ROUNDING = 1 / 32   # px, the resolution of the maps
@@ -135,8 +135,8 @@ def checked_image(name, image, geometry):
 
 def bits_of(images):
     """Return how many bits the brightest pixel of some images needs, at least 8."""
-    return max(8, 8, *(int(image.max(initial=0)).bit_length() for image in images
-                    if image.dtype == np.uint16))
+    return max(8, 8, *(int(image.max(initial=0)).bit_length()
+                       for image in images if image.dtype == np.uint16))
 
 
 def colored(image, bits):

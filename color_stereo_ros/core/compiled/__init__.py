@@ -31,7 +31,7 @@ without notice. Therefore setup.py has an upper bound for its version, and `plai
 """
 
 from . import threads  # noqa: F401, before numba is imported
-from . import requirement  # noqa: F401, tells what to install if numba is missing
+from . import requirement  # noqa: F401, I100, tells what to install if numba is missing
 from .alone import one_thread
 from .arena import Arena
 from .caching import is_cached

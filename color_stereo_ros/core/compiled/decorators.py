@@ -58,7 +58,7 @@ class _Way:
         reason = ' '.join(f'{type(why).__name__}: {why}'.split()) if isinstance(
             why, Exception) else why
         logging.getLogger('color_stereo_ros').warning(
-            "numba %s is not as color_stereo_ros knows it (%.200s): measuring goes on, but starts "
+            'numba %s is not as color_stereo_ros knows it (%.200s): measuring goes on, but starts '
             "and runs more slowly; pip install '%s' makes it fast again", numba.__version__,
             reason, REQUIREMENT)
 

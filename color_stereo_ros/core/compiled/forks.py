@@ -20,7 +20,7 @@ class _History:
         self.forked_after_use = False
 
     def note_fork(self):
-        """Called in the child."""
+        """Note it; runs in the child."""
         self.forked_after_use = self.used
 
 

@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from .tuning import TUNING
 from ..cameras.calibration import StereoCalibration
 from ..cameras.lenses import LENSES
-from .tuning import TUNING
 
 NAMES = 'pitch', 'yaw', 'roll', 'focal', 'baseline y', 'baseline z'
 COUNT = len(NAMES)

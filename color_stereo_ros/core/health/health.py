@@ -6,11 +6,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from .drift import COUNT, NAMES, SHOWN, UNITS
+from .tuning import TUNING
 from ..arrays import Doubles, Mask
 from ..frozen import constant_array
 from ..rows.alignment import COUNT as TERMS, TURNS
-from .drift import COUNT, NAMES, SHOWN, UNITS
-from .tuning import TUNING
 
 MILLIMETERS = 1000
 BLIND = 'drift of the calibration: not observable with this pattern, which shows no rows'

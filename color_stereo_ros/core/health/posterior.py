@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import CalibrationError
-from ..cameras.covariance import StereoCovariance
-from ..cameras.parameters import StereoParameters
 from .drift import corrected, COUNT
 from .prior import drift_by_parameters
 from .tracking import covariance_of
 from .tuning import TUNING
+from ..cameras.covariance import StereoCovariance
+from ..cameras.parameters import StereoParameters
+from ...errors import CalibrationError
 
 
 @dataclass(frozen=True, eq=False)

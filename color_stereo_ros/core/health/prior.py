@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from ..cameras.covariance import rectified_derivatives
 from .drift import COUNT, expected_fields
 from .tuning import TUNING
+from ..cameras.covariance import rectified_derivatives
 
 
 def drift_covariance(calibration, covariance):

@@ -5,10 +5,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..rows.alignment import COUNT as TERMS, terms
 from .drift import corrected, COUNT, expected_fields, PhysicalRight, row_errors, SHOWN
 from .health import Health
 from .tuning import TUNING
+from ..rows.alignment import COUNT as TERMS, terms
 
 
 class HealthTracker:

@@ -15,10 +15,10 @@ import math
 
 import numpy as np
 
+from .tuning import TUNING
+from ..compiled import get_num_threads, parallel, prange, serial
 from ..status_codes import (
     AMBIGUOUS, DARK, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED, VALID)
-from ..compiled import get_num_threads, parallel, prange, serial
-from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
 COST_UNIT = TUNING.search.cost_unit

@@ -7,12 +7,12 @@ import math
 import cv2
 import numpy as np
 
-from ..results import Measurement
-from ..triangulation import depth_from_disparity, search_interval
 from . import kernels
 from .color import ColorCorrection
 from .support import Support
 from .tuning import TUNING
+from ..results import Measurement
+from ..triangulation import depth_from_disparity, search_interval
 
 SUBPIXEL_CODES = {'none': 0, 'parabola': 1, 'weighted': 2}
 TILE = TUNING.search.tile

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether matches are those of a surface or of chance: do neighboring windows agree?"""
+"""Whether matches are those of a surface or of chance: neighboring windows tell."""
 
 import math
 

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
-from ..status_codes import NO_MATCH, VALID
-from ..compiled import parallel, prange, serial
 from .tuning import TUNING
+from ..compiled import parallel, prange, serial
+from ..status_codes import NO_MATCH, VALID
 
 # Constants of `tuning`, compiled into the kernels.
 TOLERANCE = TUNING.support.tolerance

@@ -105,7 +105,7 @@ class SearchTuning(Constants):
 
 @dataclass(frozen=True)
 class SupportTuning(Constants):
-    """Matches by chance and the confidence: do the matches of neighboring windows agree?"""
+    """Matches by chance and the confidence: whether matches of neighboring windows agree."""
 
     blur_reach: float = constant(
         2.0, 'standard deviations', 'Distance of windows that have no noise in common.',

@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..settings import PatternSettings
 from .making import make_pattern
+from ..settings import PatternSettings
 
 FIELDS = 'hue_field', 'wave_field', 'pseudo_noise'
 """Types whose structures have the size `pattern.feature_size` in both directions."""

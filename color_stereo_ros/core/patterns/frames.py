@@ -6,8 +6,8 @@ from typing import Callable
 
 import numpy as np
 
-from ..registry import Registry
 from .making import make_pattern
+from ..registry import Registry
 
 PATTERN = 'pattern'
 MASK_CELL = 24

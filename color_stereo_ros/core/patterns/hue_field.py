@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 
-from ...errors import SettingsError
 from .blocks import Bands, RowColors, slices
 from .colors import constant_sum_colors
 from .pattern import Pattern, Repeats
+from ...errors import SettingsError
 
 # Hue units, standard deviation; the circle has 3. Derived: the field wraps around, and all hues
 # are equally frequent within 2 exp(-(2 pi 1.6 / 3)^2 / 2) = 0.7 %.

@@ -3,11 +3,11 @@
 
 import numpy as np
 
-from ...errors import SettingsError
-from ..arrays import Bytes
-from ..settings import PatternSettings
 from .blocks import RowColors, slices
 from .registry import makable, PATTERNS
+from ..arrays import Bytes
+from ..settings import PatternSettings
+from ...errors import SettingsError
 
 
 def make_pattern(settings: PatternSettings = PatternSettings()) -> Bytes:

@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from ...errors import SettingsError
 from .blocks import RowColors
 from .pattern import Pattern, Repeats
+from ...errors import SettingsError
 
 # Full primaries and secondaries: any two differ by a whole component at least.
 PATCH_COLORS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 1], [1, 1, 0]])

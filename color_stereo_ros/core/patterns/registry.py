@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The types of pattern: the choices of `pattern.type`."""
 
-from ..registry import Registry
 from . import (
     bright_sweep, hue_field, lines, pseudo_noise, sine, sweep, unknown, walsh, wave_field)
 from .pattern import Pattern, Repeats
+from ..registry import Registry
 
 PATTERNS = Registry('pattern type', Pattern, {
     'hue_field': hue_field.PATTERN,

@@ -7,10 +7,10 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..settings import PatternSettings
 from .feature_size import channel_sum, LEAST_LIGHT, LEAST_VARIANCE
 from .making import make_pattern
 from .registry import makable
+from ..settings import PatternSettings
 
 CELL = 4  # px; chosen: the noise of a pixel is averaged, structures of 6 px remain
 LAGS = 1, 2, 3  # cells; chosen: a repeating pattern has no period that divides all of them

@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from ..compiled import part, serial, stack_array
 from .tuning import TUNING
+from ..compiled import part, serial, stack_array
 
 F4 = np.float32
 FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}

@@ -19,9 +19,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .tuning import TUNING
 from ..arrays import Doubles, Size
 from ..frozen import constant_array
-from .tuning import TUNING
 
 NAMES = 'offset', 'roll', 'scale', 'x x', 'x y', 'y y', 'radial'
 COUNT = len(NAMES)

@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from ..compiled import part, serial
 from .tuning import TUNING
+from ..compiled import part, serial
 
 # Constants of `tuning`, compiled into the kernel.
 HALF = TUNING.estimate.half

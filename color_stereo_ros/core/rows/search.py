@@ -192,8 +192,8 @@ def about_others(left, right):
     """Return what matches tell of which the rows do not agree, as a sentence."""
     tuning = TUNING.search
     model, agree = cv2.estimateAffinePartial2D(left, right, ransacReprojThreshold=tuning.turned)
-    if model is None or np.count_nonzero(agree) < max(tuning.least_matches,
-                                                     tuning.least_share * len(left)):
+    least = max(tuning.least_matches, tuning.least_share * len(left))
+    if model is None or np.count_nonzero(agree) < least:
         return ASTRAY
     if model[0, 0] < 0:
         return UPSIDE_DOWN

@@ -169,8 +169,8 @@ class SearchTuning(Constants):
         'round by round.', chosen('Roll and scale move rows by up to 3 px; single matches scatter '
                                   'by .2 to .35 px.'))
     linear_rounds: int = constant(
-        3, '1', 'Rounds that fit offset, roll and scale only.', derived('Few matches are wrong '
-                                                                       'after these.'))
+        3, '1', 'Rounds that fit offset, roll and scale only.',
+        derived('Few matches are wrong after these.'))
     match_std: float = constant(
         0.3, 'px', 'Standard deviation of one match.',
         chosen('.21 to .34 px on path-traced pairs.'))

@@ -7,9 +7,9 @@ from itertools import groupby
 import math
 from typing import Any
 
+from ..registry import suggestion
 from ...errors import brief, SettingsError
 from ...files.yaml import about_number
-from ..registry import suggestion
 
 HUGE = 10 ** 300  # an integer beyond is infinite as a float
 

@@ -11,11 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from ...errors import SettingsError
+from .fields import explained, flat, Group, setting, updated
 from ..methods import METHODS
 from ..patterns.pattern import Repeats
 from ..patterns.registry import PATTERNS, repeating
-from .fields import explained, flat, Group, setting, updated
+from ...errors import SettingsError
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class PatternSettings(Group):
 
     prefix = 'pattern'
 
-    type: str = setting(
+    type: str = setting(  # noqa: A003
         'hue_field', lambda: explained(PATTERNS, 'hue_field'), choices=PATTERNS)
     width: int = setting(1024, 'columns of the projector', unit='px', minimum=8, maximum=8192)
     height: int = setting(1024, 'rows of the projector', unit='px', minimum=8, maximum=8192)
@@ -208,7 +208,7 @@ class Settings:
     pattern: PatternSettings = PatternSettings()
     color: ColorSettings = ColorSettings()
     matching: MatchingSettings = MatchingSettings()
-    range: RangeSettings = RangeSettings()
+    range: RangeSettings = RangeSettings()  # noqa: A003
     health: HealthSettings = HealthSettings()
 
     def __post_init__(self):

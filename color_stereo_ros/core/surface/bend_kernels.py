@@ -3,13 +3,11 @@
 
 import math
 
-import numpy as np
-
-from ..compiled import band, banded, part, stack_row
 from .grid_kernels import F4, FAST, TILE_COLUMNS, TILE_ROWS
 from .plane_kernels import gated_sums, LEAST_SIGNAL_SHARE, LEAST_WEIGHT, RADIUS, smooth_sums
 from .plane_kernels import stack_sums
 from .tuning import TUNING
+from ..compiled import band, banded, part
 
 # Constants of `tuning`, compiled into the kernels.
 SPAN = TUNING.bends.span

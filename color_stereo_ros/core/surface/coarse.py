@@ -7,12 +7,12 @@ import math
 import cv2
 import numpy as np
 
-from ..compiled import BANDS
-from ..curves import CostCurve
-from ..triangulation import search_interval
 from .coarse_kernels import (
     add_turned, cost_volume, count_rivals, reduce_colors, sgm_paths, winners)
 from .grid_kernels import F4, PAD
+from ..compiled import BANDS
+from ..curves import CostCurve
+from ..triangulation import search_interval
 
 
 @dataclass(frozen=True, eq=False)

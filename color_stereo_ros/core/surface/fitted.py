@@ -10,9 +10,9 @@ were set by hand instead, each with the reason. What ships is the fit with its o
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..constants import chosen, fitted, recorded
 from ...errors import ColorStereoError
 from ...files.yaml import load_yaml, UnreadableError
-from ..constants import chosen, fitted, recorded
 
 MODELS = Path(__file__).parent / 'models'
 FITS = 'python -m color_stereo_ros.evaluation.fits'

@@ -20,8 +20,8 @@ Kernels get bare arrays and write into them; the modules of the steps (`views`,
 
 import numpy as np
 
-from ..compiled import part
 from .tuning import TUNING
+from ..compiled import part
 
 FAST = {'nsz', 'arcp', 'contract', 'afn', 'reassoc'}  # the NaN-safe subset
 F4 = np.float32

@@ -34,10 +34,6 @@ from functools import partial
 
 import numpy as np
 
-from ..compiled import Arena
-from ..patterns.expectation import Expectation
-from ..projector.finding import Reason
-from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
 from .bends import Bends
 from .brightness import BrightnessCarrier, without_color
@@ -59,6 +55,10 @@ from .third.view import ThirdView
 from .trust import Trust
 from .tuning import detailed_tuning, tuning_for
 from .views import Views
+from ..compiled import Arena
+from ..patterns.expectation import Expectation
+from ..projector.finding import Reason
+from ..rows.alignment import COUNT
 
 
 class SurfaceMethod:

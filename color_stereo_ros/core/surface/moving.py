@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ..cameras.rectification import raw_coordinates
-from ..rows.alignment import COUNT
 from .grid_kernels import F4
 from .row_kernels import moved_rows
+from ..cameras.rectification import raw_coordinates
+from ..rows.alignment import COUNT
 
 
 class MovedRows:

@@ -60,8 +60,8 @@ class PairModel:
         scale = F4(np.clip(quartile / tuning.pair.quartile, *tuning.pair.scale_limits))
         if not match_colors:
             return replace(self, scale=scale)
-        return replace(self, scale=scale, matrix=color_matrix(views, planes, scale, tuning,
-                                                               misfit))
+        matrix = color_matrix(views, planes, scale, tuning, misfit)
+        return replace(self, scale=scale, matrix=matrix)
 
 
 def sampled_lines(tuning):

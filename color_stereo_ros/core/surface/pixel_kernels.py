@@ -3,11 +3,11 @@
 
 import numpy as np
 
-from ..status_codes import INCONSISTENT, OUT_OF_RANGE, VALID
-from ..compiled import band, banded, part, stack_row
 from .grid_kernels import F4, FAST, NAN, PAD, TILE_COLUMNS
 from .trust_kernels import HIGHEST_ODDS, HOPELESS_ODDS, LOWEST_ODDS
 from .tuning import TUNING
+from ..compiled import band, banded, part, stack_row
+from ..status_codes import INCONSISTENT, OUT_OF_RANGE, VALID
 
 OWN_SHARE = F4(TUNING.pixels.own_share)  # compiled into the kernels
 

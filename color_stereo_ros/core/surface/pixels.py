@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from ..results import Measurement
 from .grid_kernels import F4
 from .pixel_kernels import expand
+from ..results import Measurement
 
 
 def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None, lines=None):

@@ -3,11 +3,11 @@
 
 import numpy as np
 
-from ..compiled import band, banded, part, stack_array, stack_row
 from .grid_kernels import (
     any_above, copy_tile, F4, FAST, foreshortening, NAN, PAD, PHASE_VARIANCE, SILENT_VARIANCE,
     TILE_COLUMNS, TILE_ROWS)
 from .tuning import TUNING
+from ..compiled import band, banded, part, stack_array, stack_row
 
 # Constants of `tuning`, compiled into the kernels.
 RADIUS, WIDE_RADIUS = TUNING.planes.radius, TUNING.planes.wide_radius

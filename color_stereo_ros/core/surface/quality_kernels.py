@@ -3,10 +3,10 @@
 
 import math
 
-from ..compiled import band, banded
 from .bend_kernels import SPAN
 from .grid_kernels import F4, FAST, PAD
 from .tuning import TUNING
+from ..compiled import band, banded
 
 # Constants of `tuning`, compiled into the kernels.
 REACH = TUNING.quality.reach

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kernels of the surface method: what a few rows of raw images tell; see `raw_faults`."""
 
-from ..compiled import banded, part
 from .grid_kernels import F4, I4
 from .tuning import TUNING
+from ..compiled import banded, part
 
 # Constants of `tuning`, compiled into the kernels.
 LIT = TUNING.brightness.lit

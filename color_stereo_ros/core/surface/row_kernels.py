@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from ..compiled import band, banded
 from .grid_kernels import F4, FAST, PAD, PHASE_VARIANCE, SILENT_VARIANCE
 from .tuning import TUNING
+from ..compiled import band, banded
 
 # Constants of `tuning`, compiled into the kernels.
 CELL = TUNING.rows.cell

@@ -4,13 +4,13 @@
 import cv2
 import numpy as np
 
-from ..rows.alignment import RowEvidence, terms
-from ..rows.estimate import median, significant, updated, warm
-from ..rows.tuning import TUNING as ROWS
 from .grid_kernels import F4
 from .row_kernels import (
     CELL, CELL_STEP, COUNT, DISPARITY, INFORMATION, MISFIT, PLACE, PULL, QUANTITIES, row_cells,
     STRUCTURE)
+from ..rows.alignment import RowEvidence, terms
+from ..rows.estimate import median, significant, updated, warm
+from ..rows.tuning import TUNING as ROWS
 
 
 class RowTracker:

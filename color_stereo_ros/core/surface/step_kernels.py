@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from ..compiled import band, banded, stack_row
 from .grid_kernels import F4, FAST, PAD, TILE_COLUMNS
 from .tuning import TUNING
+from ..compiled import band, banded, stack_row
 
 REACH = TUNING.quality.reach  # compiled into the kernels
 NOTHING = F4(np.inf)

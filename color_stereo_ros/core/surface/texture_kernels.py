@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from ..compiled import band, banded, part, stack_row
 from .grid_kernels import (
     F4, FAST, foreshortening, NAN, PAD, PHASE_VARIANCE, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
 from .tuning import TUNING
+from ..compiled import band, banded, part, stack_row
 
 # Constants of `tuning`, compiled into the kernels.
 BRIGHTNESS_CAP = F4(TUNING.brightness.brightness_cap)
@@ -25,7 +25,7 @@ def local_colors(k, u, v, s, mean, row, column, offset, level, out):
     """
     rows, columns, channels = out.shape
     first, last = band(k, rows)
-    third, half, root = F4(1 / 3), F4(0.5), F4(1 / np.sqrt(3.0))
+    half, root = F4(0.5), F4(1 / np.sqrt(3.0))
     for j in range(first, last):
         us, vs, light, around = u[row + j], v[row + j], s[row + j], mean[row + j]
         for i in range(columns):

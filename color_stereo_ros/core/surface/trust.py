@@ -7,11 +7,11 @@ import math
 import cv2
 import numpy as np
 
-from ..compiled import BANDS
-from ..status import Status
 from .grid_kernels import F4
 from .trust_kernels import (
     APART, brightness_balance, distrust_islands, find_hidden, rescale_std, settle, weigh_evidence)
+from ..compiled import BANDS
+from ..status import Status
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 
-from ..status_codes import (
-    AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
-from ..compiled import band, banded, BANDS, LENGTH, part, serial, stack_row
 from .grid_kernels import F4, FAST, I4, PAD, TILE_COLUMNS
 from .tuning import TUNING
+from ..compiled import band, banded, BANDS, LENGTH, part, serial, stack_row
+from ..status_codes import (
+    AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
 
 EVIDENCE = 'cost', 'misfit', 'sigma', 'apart', 'imbalance'
 APART = EVIDENCE.index('apart')

@@ -226,7 +226,7 @@ class Regression:
         self.solve(np.stack(terms), turns)
 
     def terms(self, blur, color):
-        """Return names, terms (2, N) and standard deviations of the prior."""
+        """Return names, terms of shape (2, N) and standard deviations of the prior."""
         samples, tuning = self.samples, self.tuning
         names, terms, prior = [], [], []
         if blur:

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
-from ..compiled import band, banded, LENGTH, part, serial, stack_row
 from .grid_kernels import F4, FAST, I4, PAD, SILENT_VARIANCE, U4
 from .tuning import TUNING
+from ..compiled import band, banded, LENGTH, part, serial, stack_row
 
 # Constants of `tuning`, compiled into the kernels.
 DARK_LEVEL_RANK = TUNING.views.dark_level_rank

@@ -14,14 +14,14 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 
-from ..cameras.rectification import inside_image, raw_coordinates
-from ..compiled import BANDS
 from .gains import channel_gains
 from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .moving import MovedRows
 from .raw_faults import Looker, LUMA, quantization, without_hot_pixels
 from .view_kernels import box_sums, channel_levels, sample_colors
+from ..cameras.rectification import inside_image, raw_coordinates
+from ..compiled import BANDS
 
 ROOT12 = F4(2 * math.sqrt(3.0))
 

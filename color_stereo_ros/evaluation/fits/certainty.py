@@ -11,11 +11,11 @@ sure ones that is larger than with two cameras by more than PERMITTED.
 
 import numpy as np
 
-from ...core import ColorStereo
-from ...core.pipeline import KERNELS
-from ..metrics import RIGHT, SURE
 from . import disturbed
 from .doubts import pixels_of
+from ..metrics import RIGHT, SURE
+from ...core import ColorStereo
+from ...core.pipeline import KERNELS
 
 SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
 CASES = (('blur_left', 3.0), ('blur_both', 3.0), ('blur_right', 3.0), ('motion_right', 9.0),

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pairs of disturbed rigs with truth, for the fits: the light of `evaluate --stress`."""
 
-from ...core import Settings
+from .pairs import Pair
 from ..stress.disturbances import DISTURBANCES
 from ..stress.light import LightScenes
 from ..stress.shot import Shots
-from .pairs import Pair
+from ...core import Settings
 
 SCENES = 'casting', 'effector_bin'
 APERIODIC = ('blur_right', 'blur_both', 'motion_right', 'jpeg', 'full_well', 'exposure', 'ambient',

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import disturbed
 from ...core import ColorStereo
 from ...core.pipeline import KERNELS
 from ...core.surface.pixels import measured_pixels
-from . import disturbed
 
 SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
 CLEAN = 'none'

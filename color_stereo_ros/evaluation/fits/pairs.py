@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core import make_pattern, PatternSettings, Settings
 from ..third_view import true_projector
+from ...core import make_pattern, PatternSettings, Settings
 
 SCENES = ('solids', 'prism', 'casting', 'nut', 'printed', 'thin', 'corner', 'bin', 'airplane',
           'tilt_50', 'effector_bench', 'effector_bin', 'effector_nut', 'effector_thin',

@@ -3,11 +3,11 @@
 
 import numpy as np
 
+from . import disturbed
+from .nodes import method_with, pattern_tuning
 from ...core.constants import replaced
 from ...core.pipeline import KERNELS, Stopwatch
 from ...core.surface.trust_kernels import APART, STD_PER_DISTANCE, VARIANCE_FACTOR
-from . import disturbed
-from .nodes import method_with, pattern_tuning
 
 SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
 CASES = 'none', *disturbed.APERIODIC, *disturbed.DETAILED

@@ -9,7 +9,7 @@ LARGEST_ODDS = 50.0  # beyond, exp overflows and probabilities are 0 and 1
 
 def equal_shares(counts):
     """Return the weight of every sample, float64, so that each pair counts alike; sum 1."""
-    counts = [count for count in counts]
+    counts = list(counts)
     used = sum(count > 0 for count in counts)
     return np.concatenate([np.full(count, 1 / max(count, 1) / max(used, 1)) for count in counts])
 

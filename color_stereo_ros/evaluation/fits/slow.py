@@ -3,12 +3,12 @@
 
 import numpy as np
 
-from ...core import PatternSettings
-from ...core.constants import replaced
-from ...core.surface.tuning import TUNING
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares, logistic_fit
+from ...core import PatternSettings
+from ...core.constants import replaced
+from ...core.surface.tuning import TUNING
 
 PATTERNS = 'sine', 'sweep'
 HOLD = 1e-9     # keeps the equations solvable

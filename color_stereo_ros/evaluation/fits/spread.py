@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from ...core.surface.trust_kernels import APART
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares
+from ...core.surface.trust_kernels import APART
 
 STEPS = 50       # of the scoring method: it converges in about ten
 LEAST = 1e-8     # px^2, of a variance

@@ -3,11 +3,11 @@
 
 import numpy as np
 
+from . import disturbed
+from .nodes import method_with, pattern_tuning
 from ...core.constants import replaced
 from ...core.pipeline import KERNELS, Stopwatch
 from ...core.surface.pixels import measured_pixels
-from . import disturbed
-from .nodes import method_with, pattern_tuning
 
 SCENES = 'casting', 'effector_bin', 'airplane', 'printed', 'effector_nut', 'portrait'
 QUICK_SCENES = disturbed.SCENES

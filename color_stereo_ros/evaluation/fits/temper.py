@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from ...core.pipeline import KERNELS, Stopwatch
 from . import disturbed
 from .nodes import method_with, pattern_tuning
 from .regression import equal_shares, logistic_fit
+from ...core.pipeline import KERNELS, Stopwatch
 
 SCENES = QUICK_SCENES = ('casting', 'effector_bin', 'airplane', 'effector_nut', 'printed',
                          'tilt_30')

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from .pairs import Pair, simulated
+from .regression import equal_shares, logistic_fit
+from .spread import fitted_spread, LEAST
+from .trust import products, quadratic_form
 from ...core import ColorStereo, make_pattern, Settings
 from ...core.projector.finding import ProjectorFinder
 from ...core.projector.patches import Measured
 from ...core.surface.third.fusion import APART_OF_NEIGHBORS, MODEL_NAMES
 from ...core.surface.third.fusion_kernels import AGREE, APART, FIRM
 from ...core.surface.third.tuning import TUNING
-from .pairs import Pair, simulated
-from .regression import equal_shares, logistic_fit
-from .spread import fitted_spread, LEAST
-from .trust import products, quadratic_form
 
 RIGHT = 1.0  # px: what confidence means
 STIFF = 1e-3  # as in `trust`

@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from ...core.constants import replaced
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares, logistic_fit
+from ...core.constants import replaced
 
 ROUNDS = 3      # the trust decides who hides whom, and that is evidence again
 FIRM = 1e-3     # per variance of a product: the form stays tame where no scene has been

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ...core.registry import Registry
 from .mounting import Mounting
 from .rig import StressRig
+from ...core.registry import Registry
 
 BUMP_AT = 4
 """Pair of a sequence in which the rows jump."""

@@ -14,11 +14,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from . import patterns
+from ..metrics import Truth
 from ...core import make_pattern, PatternSettings, StereoCalibration
 from ...core.triangulation import disparity_from_depth
 from ...files.atomic import folder_written_whole
-from ..metrics import Truth
-from . import patterns
 
 FORMAT = 1     # raised when the meaning of kept files changes
 SCALE = 2      # fine pixels in each pixel along either axis

@@ -12,8 +12,8 @@ from dataclasses import dataclass, fields
 import cv2
 import numpy as np
 
-from ...core.cameras.lenses import LENSES
 from .warp_kernels import bicubic
+from ...core.cameras.lenses import LENSES
 
 
 @dataclass(frozen=True)

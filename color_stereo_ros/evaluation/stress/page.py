@@ -6,13 +6,13 @@ from html import escape
 from matplotlib.figure import Figure
 import numpy as np
 
-from ...files.atomic import write_text
-from ...pages.html import CSS, figure, note, section, table
-from ...pages.plots import as_svg, plain_numbers, styled
+from .runs import averages, verdict
 from ..opencv_matchers import METHODS as OPENCV
 from ..plots import color_of, label_of
 from ..report import formatted
-from .runs import averages, verdict
+from ...files.atomic import write_text
+from ...pages.html import CSS, figure, note, section, table
+from ...pages.plots import as_svg, plain_numbers, styled
 
 COLUMNS = (
     ('density', 'density', '{:.3f}', 1, 'share of the visible pixels that have a range'),
@@ -44,14 +44,14 @@ GROUPS = {'none': 'As calibrated', 'geometry': 'Geometry', 'optics': 'Optics',
           'together': 'Several at once', 'refusal': 'Pairs without an answer',
           'sequence': 'Sequences'}
 
-HTML = '''<!DOCTYPE html>
+HTML = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>color_stereo: stress test</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{css}
 figure svg {{ max-width: 100%; }}</style></head>
 <body><header><div><h1>Rigs as people have them</h1>
 <p>One disturbance at a time on the simulated rig, with exact truth, beside OpenCV's matchers on
 the same pairs.</p></div></header><main>{body}</main></body></html>
-'''
+"""
 
 
 def cells_of(figures):

@@ -5,16 +5,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...core import Settings, SettingsError
-from ...core.cameras.rectification import Rectifier
+from .disturbances import chosen, DISTURBANCES
+from .light import MAIN, QUICK
+from .shot import moved, Shots
 from .. import opencv_matchers
 from ..ablation import switches
 from ..methods import own_settings
 from ..metrics import Truth, words
 from ..tuned import stereo_for
-from .disturbances import chosen, DISTURBANCES
-from .light import MAIN, QUICK
-from .shot import moved, Shots
+from ...core import Settings, SettingsError
+from ...core.cameras.rectification import Rectifier
 
 METHODS = ('surface', 'sgbm', '3way')
 SEQUENCE = 7

@@ -6,9 +6,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ...core import ImageError
 from .rig import CAMERA
 from .warp_kernels import bicubic
+from ...core import ImageError
 
 LENS_BLUR = 0.5   # px, standard deviation of every lens
 INK = np.float32([1.0, 0.85, 0.7])  # share of red, green and blue that full print takes

@@ -10,10 +10,10 @@ from rclpy.qos import QoSProfile
 
 from std_msgs.msg import Header
 
+from ..filling import message_of
 from ...core.fusion import Fusion
 from ...messages.capture_calls import Arrival, Basis, Call, CaptureCalls
 from ...messages.clock_relation import both_clocks, Moment
-from ..filling import message_of
 
 _NS = 1_000_000_000
 
@@ -139,8 +139,8 @@ class Capture:
             self._calls.rest(round(now * _NS))
             if not self._holds():
                 self._answer_by_pair_alone(round(now * _NS))
-            calls = [] if self._holds() else self._calls.expired(round(now * _NS),
-                                                                round(timeout * _NS))
+            calls = [] if self._holds() else self._calls.expired(
+                round(now * _NS), round(timeout * _NS))
             late = [shot for shot in self._shots if self._is_over(shot, now, timeout)]
             self._shots = [shot for shot in self._shots if shot not in late]
         for call in calls:

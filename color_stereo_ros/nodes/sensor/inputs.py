@@ -10,13 +10,13 @@ from rclpy.serialization import deserialize_message
 
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from ..complaints import Complaints
+from ..following import FollowingSubscription
 from ...errors import bounded, brief, ImageError
 from ...messages.calibration_watch import CalibrationWatch, check_use
 from ...messages.decompressing import look_at
 from ...messages.reading import check_image, read_compressed_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
-from ..complaints import Complaints
-from ..following import FollowingSubscription
 
 _COMPRESSED = '/compressed'
 _TRANSPORTS = 'compressed', 'theora', 'ffmpeg', 'zstd'

@@ -4,10 +4,10 @@
 from rclpy.lifecycle import Node as ManagedNode, TransitionCallbackReturn
 from rclpy.node import Node
 
-from ...parameters.groups import RangeNodeSettings
-from ..parameters import NodeParameters, Reloadable
 from .range_sensor import RangeSensor
 from .save import SaveFolder
+from ..parameters import NodeParameters, Reloadable
+from ...parameters.groups import RangeNodeSettings
 
 NAME = 'range_node'
 

@@ -8,13 +8,13 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from ..filling import message_class, Reused
+from ..qos import incompatible_policy
 from ...core.results import POINT_FIELDS
 from ...messages.cloud import cloud
 from ...messages.contents import Header
 from ...messages.outputs import OUTPUTS
 from ...messages.trimming import cropped
-from ..filling import message_class, Reused
-from ..qos import incompatible_policy
 
 _DEPTH = 4
 

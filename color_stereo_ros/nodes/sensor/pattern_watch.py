@@ -7,12 +7,12 @@ import threading
 
 from std_msgs.msg import String
 
+from ..following import FollowingSubscription
+from ..pattern_source import fingerprint
 from ...core.patterns.frames import PATTERN
 from ...core.patterns.making import make_pattern
 from ...core.patterns.registry import makable
 from ...errors import bounded, brief, ColorStereoError
-from ..following import FollowingSubscription
-from ..pattern_source import fingerprint
 
 _LONGEST = 10_000
 """Characters of a description; those of this package have some hundred."""

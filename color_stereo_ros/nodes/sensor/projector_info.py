@@ -7,9 +7,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo
 
-from ...messages.projector import projector_info, ProjectorNews, TOPIC
 from ..filling import message_of
 from ..pattern_source import latched
+from ...messages.projector import projector_info, ProjectorNews, TOPIC
 
 
 class ProjectorInfo:

@@ -3,12 +3,6 @@
 
 from rclpy.clock import Clock, ClockType
 
-from ...core.color_calibration import check_color
-from ...core.triangulation import disparity_limits
-from ...errors import bounded
-from ...messages.calibration_watch import check_use
-from ...messages.outputs import Context
-from ...messages.trimming import trimmed
 from .capture import Capture
 from .diagnostics import Diagnostics
 from .inputs import StereoInputs
@@ -19,6 +13,12 @@ from .save import Save
 from .services import ServiceThread
 from .static_frames import StaticFrames
 from .worker import Setup, Worker
+from ...core.color_calibration import check_color
+from ...core.triangulation import disparity_limits
+from ...errors import bounded
+from ...messages.calibration_watch import check_use
+from ...messages.outputs import Context
+from ...messages.trimming import trimmed
 
 _LOOK_AFTER_PERIOD = 0.25
 _WARN_PERIOD = 5.0

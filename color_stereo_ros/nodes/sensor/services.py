@@ -13,8 +13,8 @@ from rclpy.qos import QoSProfile
 
 from std_srvs.srv import Trigger
 
-from ...messages.capture_calls import LIMIT
 from ..received import received_at
+from ...messages.capture_calls import LIMIT
 
 POLL = 0.05
 """s until the thread notices the end, or that time is over."""

@@ -3,9 +3,9 @@
 
 from rclpy.event_handler import PublisherEventCallbacks
 
-from ...messages.frames import frames_of, TOPIC
 from ..filling import message_class, message_of
 from ..pattern_source import latched
+from ...messages.frames import frames_of, TOPIC
 
 _TYPE = 'tf2_msgs/msg/TFMessage'
 

@@ -9,6 +9,10 @@ import traceback
 
 import numpy as np
 
+from .projector_search import ProjectorSearch
+from .row_search import RowSearch
+from ..complaints import Complaints
+from ..environment import name_thread
 from ...core.compiled import is_cached, told_of_compiling
 from ...core.doubts import Doubts
 from ...core.pipeline import ColorStereo
@@ -18,10 +22,6 @@ from ...messages.decompressing import opened
 from ...messages.reading import image_to_rgb
 from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
-from ..complaints import Complaints
-from ..environment import name_thread
-from .projector_search import ProjectorSearch
-from .row_search import RowSearch
 
 _KEPT = 300
 _PATIENCE = 2.0  # s

@@ -15,10 +15,10 @@ from numba import prange, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from .parts import part, PartCompiler
 from ..caching import cached
 from ..plain import argument_names, BANDS, written
 from ..stamp import stamp
-from .parts import part, PartCompiler
 
 
 def banded(count, **options):

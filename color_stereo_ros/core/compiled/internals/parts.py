@@ -36,7 +36,8 @@ def part(compiler=None, **options):
 class PartCompiler(Compiler):
     """Compiles as far as other code needs it to take a function in."""
 
-    def __init__(self, typing_context, target_context, library, args, return_type, flags, locals):
+    def __init__(self, typing_context, target_context, library, args, return_type, flags,
+                 locals):  # noqa: A002, numba's name
         """Take the flags over."""
         super().__init__(typing_context, target_context, library, args, return_type,
                          _Flags(flags), locals)

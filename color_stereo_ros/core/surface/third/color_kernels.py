@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
-from ...compiled import band, banded, part, serial
-from ..grid_kernels import F4, FAST
 from .tuning import TUNING
+from ..grid_kernels import F4, FAST
+from ...compiled import band, banded, part, serial
 
 F8 = np.float64
 ROOT3 = F4(math.sqrt(3.0))

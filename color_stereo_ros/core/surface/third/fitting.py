@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from ..planes import LeastSquares
 from .fitting_kernels import fit_region
+from ..planes import LeastSquares
 
 
 class RegionSquares(LeastSquares):

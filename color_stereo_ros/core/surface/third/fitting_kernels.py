@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from ...compiled import band, banded, part
 from ..grid_kernels import any_above, F4, TILE_COLUMNS, TILE_ROWS
 from ..plane_kernels import (
     gated_sums, RADIUS, smooth_sums, solve_row, stack_sums, WIDE_RADIUS)
+from ...compiled import band, banded, part
 
 
 @part()

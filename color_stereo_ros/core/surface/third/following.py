@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from .sweep import prepared_for
+from .tuning import TUNING
 from ...projector.patches import Measured, warm
 from ...projector.tracking import aged, missed, Track
 from ...status import Status
 from ...status_codes import VALID
-from .sweep import prepared_for
-from .tuning import TUNING
 
 
 class Follower:

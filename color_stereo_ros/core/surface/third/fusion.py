@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .fusion_kernels import (
+    decide, gather_evidence, PROJECTOR, sort_nodes, spread_planes, weigh_forms)
+from .sweep_kernels import cells_of_nodes, claim_cells, find_contested
+from .tuning import TUNING
 from ..grid_kernels import F4, PAD
 from ..trust import Verdict
 from ..trust_kernels import HOPELESS_ODDS as HOPELESS
 from ...status import Status
 from ...status_codes import VALID
-from .fusion_kernels import (
-    decide, gather_evidence, PROJECTOR, sort_nodes, spread_planes, weigh_forms)
-from .sweep_kernels import cells_of_nodes, claim_cells, find_contested
-from .tuning import TUNING
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,11 @@
 
 import math
 
-from ...compiled import band, banded, LENGTH, part, stack_array, stack_row
-from ...status_codes import IMPLAUSIBLE
+from .tuning import TUNING
 from ..grid_kernels import F4, FAST, PAD
 from ..trust_kernels import HOPELESS_ODDS
-from .tuning import TUNING
+from ...compiled import band, banded, LENGTH, part, stack_array, stack_row
+from ...status_codes import IMPLAUSIBLE
 
 # Constants of `tuning`, compiled into the kernels.
 MISFIT_CAP = F4(TUNING.use.misfit_cap)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..grid_kernels import F4
 from .sweep import (
     geometry_variance, magnification, packed, places_per_disparity, straightened, sweep_matrix)
 from .tuning import TUNING
+from ..grid_kernels import F4
 
 
 @dataclass(frozen=True, eq=False)

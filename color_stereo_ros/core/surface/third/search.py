@@ -4,11 +4,11 @@
 import cv2
 import numpy as np
 
-from ...compiled import BANDS
-from ..coarse import Seeds
 from .sweep_kernels import (
     cheapest_disparities, PATHS, paths_along_columns, paths_along_rows, sum_windows, sweep_costs)
 from .tuning import TUNING
+from ..coarse import Seeds
+from ...compiled import BANDS
 
 F4 = np.float32
 I2 = np.int16

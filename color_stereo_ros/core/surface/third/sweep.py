@@ -15,8 +15,8 @@ cameras names one place of the pattern, along an epipolar line of any direction.
 import cv2
 import numpy as np
 
-from ...projector.adjustment import predicted, to_unknowns
 from .tuning import TUNING
+from ...projector.adjustment import predicted, to_unknowns
 
 F4 = np.float32
 

@@ -16,12 +16,12 @@ import math
 
 import numpy as np
 
-from ...compiled import (
-    band, banded, LENGTH, part, serial, stack_array, stack_integers, stack_row)
-from ..coarse_kernels import smaller_step
-from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, U4
 from .fitting_kernels import any_of
 from .tuning import TUNING
+from ..coarse_kernels import smaller_step
+from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, U4
+from ...compiled import (
+    band, banded, LENGTH, part, serial, stack_array, stack_integers, stack_row)
 
 I2 = np.int16
 ROOT3 = F4(math.sqrt(3.0))

@@ -3,8 +3,8 @@
 
 from dataclasses import dataclass
 
-from ...constants import chosen, constant, Constants, derived
 from ..fitted import load_model
+from ...constants import chosen, constant, Constants, derived
 
 THIRD, DOUBTS, CERTAINTY = (load_model(name) for name in ('third', 'doubts', 'certainty'))
 

@@ -6,11 +6,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...compiled import Arena
-from ...projector.model import COUNT, ProjectorModel
-from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
-from ..pair_model import PairModel
-from ..planes import PlaneField
 from .colors import (
     explained, fitted_colors, Light, local_light, middle, resized, warm as warm_colors)
 from .fitting import RegionSquares
@@ -21,6 +16,11 @@ from .sweep_kernels import (
     anchor_nodes, best_windows, count_nodes, linearize_sweep, list_nodes, places_of_nodes,
     seed_unknown, sweep_misfits, take_best)
 from .tuning import TUNING
+from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
+from ..pair_model import PairModel
+from ..planes import PlaneField
+from ...compiled import Arena
+from ...projector.model import COUNT, ProjectorModel
 
 WARM = 8, 8  # size of a pattern that nobody sees, px
 NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
