@@ -17,6 +17,7 @@ def patience(reason=COMPILING, after=AFTER):
     Parameters
     ----------
     reason : str
+        What is waited for.
     after : float
         s until the reason is printed; afterwards a dot shows every so many seconds that
         something goes on.

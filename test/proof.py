@@ -85,7 +85,9 @@ class Figures:
         name : str
             For example 'surface: plane, median error'.
         value : float
+            The figure.
         unit : str
+            Of the value.
         over : range or int
             The seeds, or the number of rounds.
         at_most, at_least : float, optional

@@ -48,6 +48,8 @@ def photographed(shift, feature_size=7.0, kind=PatternSettings().type, rows=0.0)
     ----------
     shift : numpy.ndarray, shape (H, W)
         Pattern column minus image column, px, linear between pixels.
+    feature_size, kind : float, str
+        Of the pattern.
     rows : numpy.ndarray, shape (H, W), or float
         Image row minus pattern row, px.
 

@@ -44,10 +44,15 @@ def record(path, images, infos=None, names=NAMES, rig=None, content=None, more=(
     Parameters
     ----------
     path : Path
+        Of the file.
     images : iterable of (str, int, int)
         Side, time at which it is recorded and stamp, ns.
     infos : iterable of int
         Times of the camera_infos; None: the first time of the images.
+    names : sequence of str
+        The topics.
+    rig : StereoCalibration
+        None: a parallel one.
     content : callable
         Of (side, pixels, header), returns the content of an image.
     more : iterable of (str, int, object)

@@ -46,6 +46,7 @@ def contender(kind, folder, disparities, threads):
     folder : str
         With pair.npy, left.yaml and right.yaml.
     disparities : int
+        Of the search, px.
     threads : int
         Of OpenCV; numba's are in the environment.
 

@@ -43,6 +43,7 @@ def measured(folder, rates, seconds, environment=None, topic='points', third_vie
     seconds : float
         How long each lasts.
     environment : dict, optional
+        Variables of the process besides its own.
     topic : str
         Of the output that is listened to, `points` or `depth/image`.
     third_view : str

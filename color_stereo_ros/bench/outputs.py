@@ -34,6 +34,7 @@ def measured(folder, rounds):
     folder : str or Path
         With pair.npy, left.yaml and right.yaml, see `times.save_pair`.
     rounds : int
+        How often it is done.
 
     Returns
     -------
@@ -53,9 +54,11 @@ def tasks(result, pair, calibration):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     pair : tuple of numpy.ndarray
         The raw images of the result.
     calibration : StereoCalibration
+        Of the two cameras.
 
     """
     from ..messages.contents import Header

@@ -63,6 +63,7 @@ def bench_pair(calibration, seed=SEED):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     seed : int
         Of the noise.
 

@@ -138,7 +138,9 @@ def interleaved(contenders, rounds, folder, progress=iter):
     Parameters
     ----------
     contenders : list of Contender
+        What is timed in turn.
     rounds : int
+        How often it is done.
     folder : str or Path
         Holds pairs and kernel caches.
     progress : callable

@@ -42,6 +42,7 @@ def measured(updates, moving):
     Parameters
     ----------
     updates : int
+        Pictures that are sent.
     moving : bool
         As `ViewPage.show` takes it.
 

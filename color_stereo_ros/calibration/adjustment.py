@@ -87,6 +87,7 @@ def adjust(size, corners, views, distortion_model='plumb_bob', start=None):
     views : list of View
         At least `LEAST_VIEWS` of them seen by both cameras.
     distortion_model : str
+        A name in `lenses.LENSES`.
     start : State, optional
         One pose for each view; without it, a start is found from the views alone.
 

@@ -37,6 +37,7 @@ class State:
         Parameters
         ----------
         shared : numpy.ndarray, float64, shape (n + 2,)
+            What all views share: lenses, then the bends of the board.
         poses : numpy.ndarray, float64, shape (V, 6)
             Rotation vectors in the left camera, rad, and translations, m.
 
@@ -84,6 +85,7 @@ class BoardModel:
         Parameters
         ----------
         state : State
+            What is estimated.
         side : str
             'left' or 'right'.
         view, ids : numpy.ndarray, int, shape (m,)

@@ -77,6 +77,7 @@ def layout(board, paper):
     Parameters
     ----------
     board : Board
+        The calibration board.
     paper : (float, float)
         Width and height, mm.
 
@@ -127,7 +128,9 @@ def content(board, place, note=''):
     Parameters
     ----------
     board : Board
+        The calibration board.
     place : Layout
+        Where the board lies on the page.
     note : str
         Printed below the ruler.
 
@@ -207,6 +210,7 @@ def pdf(board, paper, note=''):
     Parameters
     ----------
     board : Board
+        The calibration board.
     paper : (float, float)
         Width and height, mm; turned where the board fits better.
     note : str

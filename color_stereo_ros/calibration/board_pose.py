@@ -49,6 +49,7 @@ def board_pose(calibration, left=None, right=None):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     left, right : Seen or None
         What each camera sees; one of them suffices.
 

@@ -123,6 +123,7 @@ class Board:
         Parameters
         ----------
         gray : numpy.ndarray, uint8, shape (H, W)
+            The image, gray.
 
         Returns
         -------

@@ -69,6 +69,7 @@ class Capture:
         Parameters
         ----------
         pair : ImagePair
+            The images of both cameras.
 
         Returns
         -------
@@ -144,7 +145,9 @@ def pose_in_words(advice, board, size):
     Parameters
     ----------
     advice : Advice
+        The pose that tells most.
     board : Board
+        The calibration board.
     size : (int, int)
         Width and height of the images, px.
 
@@ -182,7 +185,9 @@ def picture(images, shot, advice):
     images : (numpy.ndarray, numpy.ndarray)
         uint8 (H, W, 3), RGB.
     shot : Shot
+        What the cameras see.
     advice : Advice or None
+        The pose that tells most; None: not known yet.
 
     Returns
     -------

@@ -40,6 +40,7 @@ def light_of(left, right, rectified, settings):
     left, right, rectified : numpy.ndarray, uint8, shape (H, W, 3)
         Raw images and the rectified left one, RGB.
     settings : Settings
+        Of the core.
 
     """
     lit = [image[image.max(axis=2) > LIT].astype(np.float64) for image in (left, right)]

@@ -23,6 +23,7 @@ def check_page(found, left, right, result, title):
     Parameters
     ----------
     found : Check
+        What the check has found.
     left, right : numpy.ndarray, uint8, shape (H, W, 3)
         The last raw pair, RGB.
     result : RangeResult

@@ -76,6 +76,7 @@ def measured_plane(result):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
 
     Returns
     -------
@@ -206,6 +207,7 @@ def measured_spheres(result, radius):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     radius : float
         True radius, m.
 

@@ -105,6 +105,7 @@ def check(pairs, results, settings, distance=None, bar=None):
     results : sequence of RangeResult
         What the sensor made of each.
     settings : Settings
+        Of the core.
     distance : float, optional
         True distance of the board from the left camera along the optical axis of the rectified
         camera, m.

@@ -77,6 +77,7 @@ def oriented(grid, gray):
     grid : numpy.ndarray, float64, shape (R, C, 2)
         Pixels of the inner corners.
     gray : numpy.ndarray, uint8, shape (H, W)
+        The image, gray.
 
     Returns
     -------

@@ -207,6 +207,7 @@ def white_and_field(white, lit):
     white : numpy.ndarray, float64, shape (H, W, 3)
         Linear light above black.
     lit : numpy.ndarray, bool, shape (H, W)
+        Where the projector lights the card.
 
     Returns
     -------
@@ -249,6 +250,7 @@ def crosstalk_of(above, lit):
     above : dict
         Names to float64 (H, W, 3), linear light above black.
     lit : numpy.ndarray, bool, shape (H, W)
+        Where the projector lights the card.
 
     Returns
     -------
@@ -309,6 +311,7 @@ def color_differences(calibration, left, right):
     Parameters
     ----------
     calibration : ColorCalibration
+        Of the colors of both cameras.
     left, right : dict
         As `calibrate_color` takes them.
 

@@ -24,6 +24,7 @@ def color_page(findings, summary, title):
     Parameters
     ----------
     findings : ColorFindings
+        What the calibration of the colors has found.
     summary : str
         The figures as text.
     title : str

@@ -28,8 +28,11 @@ def detection(board, gray, ids, start, scale, gap=None):
     Parameters
     ----------
     board : Board
+        The calibration board.
     gray : numpy.ndarray, uint8, shape (H, W)
+        The image, gray.
     ids : numpy.ndarray, int64, shape (n,)
+        Of the corners on the board.
     start, scale, gap
         See `refined`.
 
@@ -50,6 +53,7 @@ def refined(gray, start, scale, black, gap=None):
     Parameters
     ----------
     gray : numpy.ndarray, uint8, shape (H, W)
+        The image, gray.
     start : numpy.ndarray, float64, shape (n, 2)
         Rough places, px.
     scale : numpy.ndarray, float64, shape (n, 2, 2)

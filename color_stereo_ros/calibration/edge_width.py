@@ -21,8 +21,11 @@ def edge_width(board, detection, gray):
     Parameters
     ----------
     board : Board
+        The calibration board.
     detection : Detection
+        The corners of the view.
     gray : numpy.ndarray, uint8, shape (H, W)
+        The image, gray.
 
     Returns
     -------

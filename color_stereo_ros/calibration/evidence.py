@@ -48,6 +48,7 @@ def choose_lens(size, corners, views, models=None):
     corners : numpy.ndarray, float64, shape (N, 3)
         m.
     views : list of View
+        Of the board.
     models : iterable of str, optional
         Default: all of `LENSES`.
 

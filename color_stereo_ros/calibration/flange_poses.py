@@ -162,7 +162,9 @@ def matched(names, poses, views):
     Parameters
     ----------
     names : list of (str or None)
+        Of the images; None: the name is not known.
     poses : (R, t)
+        Rotations (n, 3, 3) and translations (n, 3), m.
     views : list of str
         Names of the views of the board, in their order.
 

@@ -169,7 +169,9 @@ def rectified(camera, pixels):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
     pixels : numpy.ndarray, float64, shape (n, 2)
+        Column and row in the raw image.
 
     Returns
     -------
@@ -188,6 +190,7 @@ def calibrate(board, shots, *, model=AUTOMATIC, distance=None, baseline=None, re
     Parameters
     ----------
     board : Board
+        The calibration board.
     shots : list of Shot
         In the order in which they were taken.
     model : str
@@ -269,7 +272,9 @@ def check_baseline(board, calibration, baseline):
     Parameters
     ----------
     board : Board
+        The calibration board.
     calibration : StereoCalibration
+        Of the two cameras.
     baseline : float or None
         m; None = not measured.
 

@@ -56,7 +56,9 @@ def likely(poses, mounting, fits):
     Parameters
     ----------
     poses : hand_eye.Poses
+        Of flange and board, one of each for a shot.
     mounting : str
+        Where the camera is: on the hand, or beside the robot.
     fits : callable
         Takes poses and a mounting and tells whether they fit.
 

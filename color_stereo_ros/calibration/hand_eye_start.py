@@ -19,6 +19,7 @@ def starts(poses, in_hand):
     Parameters
     ----------
     poses : hand_eye.Poses
+        Of flange and board, one of each for a shot.
     in_hand : bool
         The camera is on the flange.
 

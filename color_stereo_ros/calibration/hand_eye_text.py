@@ -37,6 +37,7 @@ def hand_eye_yaml(found, camera, parent, child, frame):
     Parameters
     ----------
     found : HandEye
+        The estimate and how exact it is.
     camera : (R, t)
         The pose to write.
     parent, child : str

@@ -141,6 +141,7 @@ class Problem:
         Parameters
         ----------
         state : State
+            What is estimated.
         free : numpy.ndarray, bool, shape (n + 2,)
             Which of the shared values are estimated.
 
@@ -184,6 +185,7 @@ class Problem:
         Parameters
         ----------
         state : State
+            What is estimated.
         free : numpy.ndarray, bool, shape (n + 2,)
             Which of the shared values are estimated.
         least_decrease : float

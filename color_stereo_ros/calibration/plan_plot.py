@@ -15,6 +15,7 @@ def write_plot(plan, path):
     Parameters
     ----------
     plan : Plan
+        What is planned, and what it should give.
     path : path-like
         Its suffix says the format: .svg, .png, .pdf.
 

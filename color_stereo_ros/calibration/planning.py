@@ -116,6 +116,7 @@ def plan(rig, corners, views=15, disparity_std=DISPARITY_STD, corner_sigma=0.05,
     Parameters
     ----------
     rig : Rig
+        The cameras that are planned.
     corners : numpy.ndarray, float64, shape (N, 3)
         m, of the board.
     views : int
@@ -125,6 +126,7 @@ def plan(rig, corners, views=15, disparity_std=DISPARITY_STD, corner_sigma=0.05,
     corner_sigma : float
         px, of a corner of the board.
     detectable : Detectable, optional
+        Which views of the board are detected; default: all that lie in the image.
 
     Returns
     -------

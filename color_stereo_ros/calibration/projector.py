@@ -109,6 +109,7 @@ def calibrate_projector(images, colors, side='left'):
         `white`, `black` and `level_N` for one or several N in 1 .. 254, RGB in DN, uint8 or float
         (H, W, 3): what a camera sees of a white card under even gray of this level.
     colors : ColorCalibration
+        Of the colors of both cameras.
     side : str
         Of the camera, 'left' or 'right'.
 

@@ -32,6 +32,7 @@ def report_page(geometry):
     Parameters
     ----------
     geometry : Geometry
+        The calibration and how exact it is.
 
     Returns
     -------

@@ -111,6 +111,7 @@ def depth_curve_plot(depths, calibration, sigma_px, matching):
     depths, calibration, matching : numpy.ndarray, float64, shape (n,)
         m; mm from the calibration; mm from disparities of `sigma_px`.
     sigma_px : float
+        Standard deviation of a corner, px.
 
     Returns
     -------
@@ -171,6 +172,7 @@ def view_plot(names, rms):
     Parameters
     ----------
     names : sequence of str
+        Of the views.
     rms : numpy.ndarray, float64, shape (n,)
         px.
 

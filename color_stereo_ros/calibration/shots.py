@@ -51,7 +51,9 @@ def detect_shot(board, pair):
     Parameters
     ----------
     board : Board
+        The calibration board.
     pair : ImagePair
+        The images of both cameras.
 
     Returns
     -------
@@ -79,6 +81,7 @@ def check_sizes(shots):
     Parameters
     ----------
     shots : list of Shot
+        The views of the board.
 
     Returns
     -------
@@ -118,6 +121,7 @@ def without_blurred(shots):
     Parameters
     ----------
     shots : list of Shot
+        The views of the board.
 
     Returns
     -------

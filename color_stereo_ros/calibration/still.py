@@ -53,6 +53,7 @@ def moved(first, second):
     Parameters
     ----------
     first, second : Shot
+        Two views of the board, one after the other.
 
     Returns
     -------

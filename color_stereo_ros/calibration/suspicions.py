@@ -48,6 +48,7 @@ def check_shots(board, shots, size, reopened=None):
     Parameters
     ----------
     board : Board
+        The calibration board.
     shots : list of Shot
         Those without a problem, in the order in which they were taken.
     size : (int, int)
@@ -198,6 +199,7 @@ def spread_of(motions):
     Parameters
     ----------
     motions : list of Motion
+        Between two shots each.
 
     Returns
     -------
@@ -274,6 +276,7 @@ def moved_at(motions, limit):
     Parameters
     ----------
     motions : list of Motion
+        Between two shots each.
     limit : float
         The spread that both parts must stay below.
 

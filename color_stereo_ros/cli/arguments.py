@@ -14,6 +14,7 @@ def add_settings_arguments(parser, groups=None, settings=Settings()):
     Parameters
     ----------
     parser : argparse.ArgumentParser
+        Gets the arguments.
     groups : sequence of str, optional
         Only the settings of these groups, for example ('pattern',).
     settings : dataclass made of groups

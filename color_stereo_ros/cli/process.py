@@ -140,7 +140,9 @@ def write_result(folder, result, settings):
     Parameters
     ----------
     folder : Path
+        Where the files are written; it is there.
     result : RangeResult
+        Of the pair.
     settings : ProcessSettings
         Colors and limits of the range image.
 

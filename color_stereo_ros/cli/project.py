@@ -49,10 +49,13 @@ def show_until_the_end(screen, source, newest, response, seconds=None):
     Parameters
     ----------
     screen : Screen
+        The display that is the projector.
     source : FileSource, LevelSource or PatternListener
+        Gives the image to be shown.
     newest : numpy.ndarray or None
         The first image.
     response : ProjectorResponse
+        Of the projector: how light depends on the number that is sent.
     seconds : float, optional
         Time until the end.
 

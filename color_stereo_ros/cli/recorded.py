@@ -64,6 +64,7 @@ def warn_of_losses(path, fared, plan, loss):
     fared : Tally or PairSensor
         How many pairs failed, and why the first one did.
     plan : Plan
+        What is planned, and what it should give.
     loss : str or None
         What cannot be read of a damaged recording.
 

@@ -119,10 +119,13 @@ def write_folder(output, renderings, scene, pattern, values, overwrite=False):
     renderings : iterable of Rendering
         One: written into OUTPUT. Several: into OUTPUT/0000, OUTPUT/0001 ...
     scene : Scene
+        What was rendered.
     pattern : numpy.ndarray, uint8, shape (H, W, 3)
+        The image that the projector shows, RGB.
     values : dict
         Flat settings that belong to the pattern.
     overwrite : bool
+        Replace what is there.
 
     Raises
     ------

@@ -53,6 +53,7 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
     scene : Path
         Folder with left.png right.png left.yaml right.yaml truth.npz.
     output : Path
+        The folder to be written.
     values : dict
         Flat names of settings to values: how this scene is to be measured; they override the
         settings.yaml of the scene.
@@ -61,6 +62,7 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
     period : float
         s between two pairs.
     overwrite : bool
+        Replace what is there.
 
     """
     import numpy as np

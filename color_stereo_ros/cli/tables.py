@@ -123,6 +123,7 @@ def constant_table(constants, variants=None):
     Parameters
     ----------
     constants : Constants
+        Of one stage or method.
     variants : dict or None
         Names of conditions to the changes under them, flat names to `Change`.
 

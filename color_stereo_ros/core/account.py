@@ -303,7 +303,9 @@ def doubts_about_features(pattern, result, said=False):
     Parameters
     ----------
     pattern : PatternSettings
+        Of the pattern that is projected.
     result : RangeResult
+        Of the pair.
     said : bool
         The doubt was said of the pair before: it holds a little longer.
 

@@ -175,6 +175,7 @@ class ColorCalibration:
         Parameters
         ----------
         calibration : StereoCalibration
+            Of the two cameras.
 
         Raises
         ------
@@ -225,6 +226,7 @@ def check_color(settings, calibration=None):
     Parameters
     ----------
     settings : Settings
+        Of the core.
     calibration : StereoCalibration, optional
         The cameras, if they are known.
 
@@ -331,6 +333,7 @@ def linear(level, gamma, offset):
     level : numpy.ndarray
         Share of full scale above the dark level; noise below zero stays below zero.
     gamma, offset : float
+        Of the curve of the camera.
 
     Returns
     -------

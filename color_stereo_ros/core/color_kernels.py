@@ -15,13 +15,22 @@ def correct_colors(k, image, light, gain, matrix, saturation, pedestal, ceiling,
 
     Parameters
     ----------
+    k : int
+        The band of rows.
     image, out : uint8 (H, W, 3), RGB
-    light : float32 (3, 256), what each number of a channel means in light
+        Raw and corrected colors.
+    light : float32 (3, 256)
+        What each number of a channel means in light.
     gain : float32 (H, W, 3)
-    matrix : float32 (3, 3), to DN of the result
-    saturation : number from which a channel is overexposed; it becomes `saturated`
-    pedestal : result without light, DN, so that noise is not clipped
-    ceiling : largest result of a channel that is not overexposed, DN
+        Of each pixel and channel, 1 where the lens is brightest.
+    matrix : float32 (3, 3)
+        To DN of the result.
+    saturation, saturated : int
+        Number from which a channel is overexposed, and what it becomes.
+    pedestal : float32
+        Result without light, DN, so that noise is not clipped.
+    ceiling : float32
+        Largest result of a channel that is not overexposed, DN.
 
     """
     first, last = band(k, image.shape[0])

@@ -85,11 +85,13 @@ def constant(value, unit, reason, provenance, *, compiled=False, off=None):
     Parameters
     ----------
     value : bool, int, float, str or tuple of them
+        The constant.
     unit : str
         '1' for a number without unit.
     reason : str
         What the constant is there for, one short sentence.
     provenance : Provenance
+        Where the value comes from.
     compiled : bool
         The kernels contain the value: it cannot be replaced at run time.
     off : bool, int or float, optional
@@ -127,6 +129,7 @@ def listed(constants, prefix=''):
     Parameters
     ----------
     constants : Constants
+        Of one stage or method.
     prefix : str
         Put before every name.
 

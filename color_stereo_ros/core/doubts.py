@@ -61,9 +61,11 @@ class Doubts:
         Parameters
         ----------
         stereo : ColorStereo
+            The sensor.
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
             Raw RGB images.
         result : RangeResult
+            Of the pair.
 
         """
         if self._clock() >= self._images_due:

@@ -85,6 +85,7 @@ class Fusion:
         Parameters
         ----------
         result : RangeResult
+            Of the pair.
 
         Raises
         ------

@@ -45,10 +45,13 @@ def make_method(settings, calibration, limits, rectifier):
     Parameters
     ----------
     settings : Settings
+        Of the core.
     calibration : StereoCalibration
+        Of the two cameras.
     limits : (float, float)
         Smallest and largest disparity, px.
     rectifier : Rectifier
+        Of raw images.
 
     Returns
     -------

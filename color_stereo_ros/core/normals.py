@@ -35,6 +35,7 @@ def normals_of(disparity, geometry, planar):
     disparity : numpy.ndarray, float32, shape (H, W)
         px, NaN = unknown.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     planar : bool
         The pixels of a node lie on a fitted plane, as those of the surface method do. False: the
         slopes are first taken from the disparities around.

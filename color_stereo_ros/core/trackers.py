@@ -28,7 +28,9 @@ def tracker_of(settings, geometry):
     Parameters
     ----------
     settings : PatternSettings
+        Of the pattern that is projected.
     geometry : RectifiedGeometry
+        Of the rectified pair.
 
     Returns
     -------

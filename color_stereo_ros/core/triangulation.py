@@ -18,6 +18,7 @@ def depth_from_disparity(disparity, geometry):
     disparity : numpy.ndarray, float32, shape (H, W)
         x_left - x_right, px; NaN = unknown.
     geometry : RectifiedGeometry
+        Of the rectified pair.
 
     Returns
     -------
@@ -42,7 +43,9 @@ def disparity_limits(geometry, range_settings):
     Parameters
     ----------
     geometry : RectifiedGeometry
+        Of the rectified pair.
     range_settings : RangeSettings
+        The group `range` of the settings.
 
     Returns
     -------
@@ -79,6 +82,7 @@ def points_from_depth(depth, geometry):
     depth : numpy.ndarray, float32, shape (H, W)
         m along Z; NaN = unknown.
     geometry : RectifiedGeometry
+        Of the rectified pair.
 
     Returns
     -------

@@ -117,6 +117,7 @@ def make_page(measurements, made, commands):
     Parameters
     ----------
     measurements : sequence of Measurement
+        Of the samples.
     made : str
         One sentence on when and where.
     commands : str
@@ -140,6 +141,7 @@ def make_pair_page(names, left, right, result, limits):
     left, right : numpy.ndarray, uint8, shape (H, W, 3)
         The raw images, RGB.
     result : RangeResult
+        Of the pair.
     limits : (float, float)
         Depth of the first and of the last color in meters.
 

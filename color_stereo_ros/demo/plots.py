@@ -87,6 +87,7 @@ def shaded(points, colors):
     points : numpy.ndarray, float32, shape (H, W, 3)
         m; NaN = unknown. Points at the edge of the known keep their colors.
     colors : numpy.ndarray, uint8, shape (H, W, 3)
+        Of the points, RGB.
 
     Returns
     -------

@@ -53,6 +53,7 @@ def ablation(scenes, method, progress, repeats=3):
     Parameters
     ----------
     scenes : list of color_stereo_ros.evaluation.datasets.Scene
+        Pairs with their truth.
     method : str
         'surface' or 'paper'.
     progress : callable

@@ -85,6 +85,7 @@ def facing(board, z, tilt=(0.0, 0.0, 0.0), x=0.05, y=0.0):
     Parameters
     ----------
     board : Board
+        The calibration board.
     z : float
         m.
     tilt : (float, float, float)
@@ -123,6 +124,7 @@ def measured(kind, tilts, count, seed=0, width=640, **electronics):
     count : int
         Pairs of views.
     seed : int
+        Of the random numbers.
     width : int
         Columns of the images.
     **electronics

@@ -50,6 +50,7 @@ def load_folder(path, values=None):
     Parameters
     ----------
     path : path-like
+        Of the file.
     values : dict, optional
         Flat settings that override those of the folder, for example `{'range.min_depth': 0.3}`.
 
@@ -136,6 +137,7 @@ def save_folder(scene, path):
     Parameters
     ----------
     scene : Scene
+        A pair with its truth.
     path : path-like
         Folder; appears only when it is complete.
 
@@ -168,6 +170,7 @@ def with_depth_limits(settings, calibration, truth):
     settings : dict
         Flat names to values.
     calibration : color_stereo_ros.core.StereoCalibration
+        Of the two cameras.
     truth : Truth
         The limits are widened until they hold every visible true depth with 5 % to spare.
 
@@ -198,6 +201,7 @@ def depth_limits_of_rig(calibration):
     Parameters
     ----------
     calibration : color_stereo_ros.core.StereoCalibration
+        Of the two cameras.
 
     Returns
     -------

@@ -226,6 +226,7 @@ class Bench:
         Parameters
         ----------
         pattern : PatternSettings
+            Of the pattern that is projected.
         noise : float
             Multiplies the standard deviations of the cameras' noise.
         brightness : float
@@ -397,6 +398,7 @@ def run_tasks(tasks, progress):
     Parameters
     ----------
     tasks : list of Task
+        What is to be done, independent of each other.
     progress : callable
         Wraps the list for a progress bar, for example `tqdm.tqdm`.
 

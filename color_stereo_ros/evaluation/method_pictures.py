@@ -58,6 +58,7 @@ def recorded(scene):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.datasets.Scene
+        A pair with its truth.
 
     Returns
     -------
@@ -290,6 +291,7 @@ def pictures(renders):
     Parameters
     ----------
     renders : Renders
+        Renders the pair, or finds it where it is stored.
 
     Returns
     -------

@@ -63,6 +63,7 @@ def run_method(scene, method, values=None, repeats=REPEATS):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.datasets.Scene
+        A pair with its truth.
     method : str
         One of `known_methods()`.
     values : dict, optional
@@ -136,7 +137,9 @@ def compared_with_noise(run, scene):
     Parameters
     ----------
     run : Run
+        The results of one method.
     scene : color_stereo_ros.evaluation.datasets.Scene
+        A pair with its truth.
 
     Returns
     -------

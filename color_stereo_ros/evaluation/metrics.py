@@ -70,7 +70,9 @@ def measure(result, truth):
     Parameters
     ----------
     result : color_stereo_ros.core.RangeResult
+        What was measured.
     truth : Truth
+        The true disparities and who sees them.
 
     Returns
     -------
@@ -311,7 +313,9 @@ def planar_regions(truth, geometry, step=4, tolerance=0.002, smallest=0.005):
     Parameters
     ----------
     truth : Truth
+        The true disparities and who sees them.
     geometry : color_stereo_ros.core.RectifiedGeometry
+        Of the rectified pair.
     step : int
         Reach of the second difference, px.
     tolerance : float
@@ -350,7 +354,9 @@ def depth_edges(truth, geometry, jump=1.5, reach=8):
     Parameters
     ----------
     truth : Truth
+        The true disparities and who sees them.
     geometry : color_stereo_ros.core.RectifiedGeometry
+        Of the rectified pair.
     jump : float
         Difference of disparity between neighbors that counts as an edge, px.
     reach : int

@@ -123,9 +123,13 @@ def noise_limit(pair, truth, noise_left, noise_right, window=Window()):
     Parameters
     ----------
     pair : color_stereo_ros.core.RectifiedPair
+        The rectified images.
     truth : color_stereo_ros.evaluation.metrics.Truth
+        The true disparities and who sees them.
     noise_left, noise_right : CameraNoise or MeasuredNoise
+        Of both cameras.
     window : Window
+        That is compared.
 
     Returns
     -------
@@ -222,7 +226,9 @@ def compare(result, truth, limit):
     Parameters
     ----------
     result : color_stereo_ros.core.RangeResult
+        What was measured.
     truth : color_stereo_ros.evaluation.metrics.Truth
+        The true disparities and who sees them.
     limit : numpy.ndarray, shape (H, W)
         Of `noise_limit`.
 
@@ -256,7 +262,9 @@ def measured_noise(pair, truth):
     Parameters
     ----------
     pair : color_stereo_ros.core.RectifiedPair
+        The rectified images.
     truth : color_stereo_ros.evaluation.metrics.Truth
+        The true disparities and who sees them.
 
     Returns
     -------

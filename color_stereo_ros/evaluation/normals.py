@@ -102,6 +102,7 @@ def angles(result, truth):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     truth : numpy.ndarray, shape (H, W, 3)
         True normals, NaN = not judged.
 

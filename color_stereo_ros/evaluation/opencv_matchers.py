@@ -31,7 +31,9 @@ def match(method, pair, range_settings):
     method : str
         A key of `METHODS`.
     pair : color_stereo_ros.core.RectifiedPair
+        The rectified images.
     range_settings : color_stereo_ros.core.RangeSettings
+        The depths that are searched.
 
     Returns
     -------

@@ -45,6 +45,7 @@ class Renders:
         name : str
             One of `sim.scene_names()`.
         pattern : PatternSettings
+            Of the pattern that is projected.
 
         Returns
         -------
@@ -77,8 +78,11 @@ def as_scene(scene, rendering, pattern):
     Parameters
     ----------
     scene : color_stereo_ros.sim.Scene
+        What is rendered.
     rendering : color_stereo_ros.sim.Rendering
+        Images and truth of the renderer.
     pattern : PatternSettings
+        Of the pattern that is projected.
 
     Returns
     -------

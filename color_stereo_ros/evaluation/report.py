@@ -53,6 +53,7 @@ def write_report(path, laboratory, records, facts):
     laboratory : color_stereo_ros.evaluation.experiments.Laboratory
         After its tasks have run: it holds the pictures.
     records : list of dict
+        One for each run.
     facts : dict
         Name to value, printed at the end of the page.
 

@@ -33,8 +33,11 @@ def interleaved(scene, rig, rounds=ROUNDS):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.stress.light.LightScene
+        A scene whose light is stored.
     rig : color_stereo_ros.evaluation.stress.disturbances.Rig
+        The cameras and their settings.
     rounds : int
+        How often it is done.
 
     Returns
     -------

@@ -36,6 +36,7 @@ def true_projector(rig, shape=None):
     Parameters
     ----------
     rig : color_stereo_ros.sim.rig.Rig
+        The simulated cameras and projector.
     shape : (int, int), optional
         Height and width of the pattern, px; default: that of the default pattern.
 
@@ -88,11 +89,13 @@ def compared(scene, case, exact, seed=1):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.stress.light.LightScene
+        A scene whose light is stored.
     case : (str, float)
         Disturbance and level.
     exact : bool
         The projector of the simulator; False: the one that is found from the pair.
     seed : int
+        Of the random numbers.
 
     Returns
     -------

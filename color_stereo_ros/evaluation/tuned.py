@@ -54,7 +54,9 @@ def stereo_for(calibration, settings, values):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     settings : Settings
+        Of the core.
     values : dict
         Flat settings, and flat constants of the surface method.
 

@@ -221,6 +221,7 @@ def open_and_lock(path, flags=os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW):
     Parameters
     ----------
     path : Path
+        Of the file.
     flags : int
         Of os.open.
 

@@ -35,6 +35,7 @@ def read_camera_info(path):
     Parameters
     ----------
     path : path-like
+        Of the file.
 
     Returns
     -------

@@ -28,6 +28,7 @@ def read_image(path):
     Parameters
     ----------
     path : path-like
+        Of the file.
 
     Returns
     -------
@@ -57,6 +58,7 @@ def read_image_as_is(path, flags=-1):
     Parameters
     ----------
     path : path-like
+        Of the file.
     flags : int
         Of cv2.imdecode; the default is cv2.IMREAD_UNCHANGED. Tags that say how the camera was
         held are ignored in any case.
@@ -147,6 +149,7 @@ def write_image(path, image, **options):
     Parameters
     ----------
     path : str or Path
+        Of the file or folder.
     image : numpy.ndarray, shape (H, W) or (H, W, 3)
         Colors in RGB.
     options

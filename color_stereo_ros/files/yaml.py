@@ -80,6 +80,7 @@ def load_yaml(path):
     Parameters
     ----------
     path : path-like
+        Of the file.
 
     Raises
     ------
@@ -113,6 +114,7 @@ def parse_yaml(text):
     Parameters
     ----------
     text : str
+        The content of a file.
 
     Raises
     ------

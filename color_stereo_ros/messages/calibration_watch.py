@@ -115,7 +115,9 @@ def check_use(calibration, settings):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     settings : RangeNodeSettings
+        All parameters of range_node.
 
     Raises
     ------

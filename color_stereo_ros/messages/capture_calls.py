@@ -213,6 +213,7 @@ class CaptureCalls:
         Parameters
         ----------
         call : Call
+            Of the service.
         held : bool
             A capture of several pairs is under way: no pair answers the call yet.
 
@@ -239,6 +240,7 @@ class CaptureCalls:
         Parameters
         ----------
         arrival : Arrival
+            The pair and when it came.
         held : bool
             It belongs to a capture of several pairs: it answers no call.
 

@@ -21,7 +21,9 @@ def cloud(result, header, *, compact=False, rotation=None, memory=new_memory, fi
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     header : Header
+        Stamp and frame of the message.
     compact : bool
         False: organized H x W, NaN = unknown. True: one row of the known points only.
     rotation : numpy.ndarray, shape (3, 3), optional

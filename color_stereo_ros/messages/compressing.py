@@ -42,6 +42,7 @@ def compressed_depth(pixels, encoding, header, nearest, farthest):
     encoding : str
         '32FC1' or '16UC1'.
     header : Header
+        Stamp and frame of the message.
     nearest, farthest : float
         Limits of the depth, m.
 
@@ -72,6 +73,7 @@ def jpeg(picture, header):
     picture : numpy.ndarray, uint8, shape (H, W, 3)
         RGB.
     header : Header
+        Stamp and frame of the message.
 
     Returns
     -------

@@ -278,6 +278,7 @@ def image(pixels, encoding, header):
     encoding : str
         One of `encodings.WRITTEN`.
     header : Header
+        Stamp and frame of the message.
 
     Returns
     -------
@@ -306,7 +307,9 @@ def camera_info(camera, header):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
     header : Header
+        Stamp and frame of the message.
 
     Returns
     -------

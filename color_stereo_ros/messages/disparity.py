@@ -16,7 +16,9 @@ def disparity(result, header):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     header : Header
+        Stamp and frame of the message.
 
     Returns
     -------

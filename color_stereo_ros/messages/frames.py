@@ -103,6 +103,7 @@ def frames_of(frame_id, calibration, settings):
     frame_id : str
         Of the left image.
     calibration : StereoCalibration
+        Of the two cameras.
     settings : OutputSettings
         `frame_id` is the name of the rectified camera; empty = made from that of the image where
         R turns the camera by more than SAME.

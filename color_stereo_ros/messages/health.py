@@ -30,6 +30,7 @@ def health_values(health):
     Parameters
     ----------
     health : Health
+        What is known of the drift.
 
     Returns
     -------
@@ -64,6 +65,7 @@ def health_message(health, name, header, calibration=None, suggested=None):
     name : str
         Of the status.
     header : Header
+        Stamp and frame of the message.
     calibration : StereoCalibration, optional
         That the drift refers to; its hash is told.
     suggested : StereoCalibration, optional

@@ -53,7 +53,9 @@ class Context:
         header : Header
             Of the left image.
         settings : RangeNodeSettings
+            All parameters of range_node.
         calibration : StereoCalibration
+            Of the two cameras.
 
         Returns
         -------
@@ -108,6 +110,7 @@ def output(topic, content_type, description):
     content_type : type
         The class of `contents` that the function returns.
     description : str
+        One sentence for the documentation.
 
     """
     def register(function):

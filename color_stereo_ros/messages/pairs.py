@@ -16,6 +16,7 @@ def rgb_pair(pair):
     Parameters
     ----------
     pair : Pair
+        Images, calibration and stamp.
 
     Returns
     -------

@@ -51,6 +51,7 @@ def projector_info(model, stamp):
     Parameters
     ----------
     model : ProjectorModel
+        Geometry of the projector.
     stamp : Time
         Of the pair that showed it.
 

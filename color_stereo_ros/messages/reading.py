@@ -76,6 +76,7 @@ def check_image(msg):
     Parameters
     ----------
     msg : sensor_msgs.msg.Image
+        As it was received.
 
     Returns
     -------

@@ -156,6 +156,7 @@ class Synchronizer:
         stamp : int
             ns.
         item : object
+            What is to be paired.
         received : float, optional
             When the item was received, s of the clock; now, if it is not given.
 
@@ -199,6 +200,7 @@ class Synchronizer:
         stamp : int
             ns.
         item : object
+            What is to be paired.
         patience : float
             See `complaint`.
 

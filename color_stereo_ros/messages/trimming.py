@@ -26,7 +26,9 @@ def trimmed(result, context):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     context : Context
+        What the outputs of a pair share.
 
     Returns
     -------
@@ -47,6 +49,7 @@ def cropped(result, box, rotation=None):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     box : sequence
         Smallest and largest x, y and z, m; both belong to the box.
     rotation : numpy.ndarray, shape (3, 3), optional
@@ -86,6 +89,7 @@ def decimated(result, step):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     step : int
         A power of two, so that quotients are exact.
 

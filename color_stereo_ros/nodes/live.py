@@ -218,7 +218,9 @@ def spin_until(node, condition, timeout, check):
     Parameters
     ----------
     node : rclpy.node.Node
+        The node that spins.
     condition : callable
+        Returns True when it is met.
     timeout : float
         s
     check : callable

@@ -19,6 +19,7 @@ def take_frames(stream, pattern_node, topics, compressed, say):
     Parameters
     ----------
     stream : FrameStream
+        Takes the frames.
     pattern_node : str
         Name of the pattern_node, with its namespace.
     topics : (str, str)

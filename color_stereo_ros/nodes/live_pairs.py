@@ -111,7 +111,9 @@ def live_pairs(topics, compressed=False, name='calibrate_geometry'):
     Parameters
     ----------
     topics : (str, str)
+        Of the left and the right images.
     compressed : bool
+        The images are JPEG or PNG.
     name : str
         Of the node.
 

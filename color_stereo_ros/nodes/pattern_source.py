@@ -56,6 +56,7 @@ def serialized(content):
     Parameters
     ----------
     content : messages.contents.Image
+        What is to be sent.
 
     Returns
     -------

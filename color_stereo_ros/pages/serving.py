@@ -67,6 +67,7 @@ def padded(picture, aspect):
     Parameters
     ----------
     picture : numpy.ndarray, uint8, shape (H, W, 3)
+        RGB.
     aspect : float
         Width over height of the window.
 

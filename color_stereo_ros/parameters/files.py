@@ -160,7 +160,9 @@ def parameter_file(node_name, settings):
     Parameters
     ----------
     node_name : str
+        The name at the top of the file.
     settings : RangeNodeSettings or PatternNodeSettings
+        The values that are written.
 
     """
     lines = [f'/**/{node_name}:', '  ros__parameters:']  # in any namespace

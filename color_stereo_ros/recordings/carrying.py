@@ -32,7 +32,9 @@ class TaskStereo:
         Parameters
         ----------
         recording : Recording
+            An open recording.
         task : Task
+            A part of the recording.
 
         Returns
         -------

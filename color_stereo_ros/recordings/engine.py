@@ -35,7 +35,9 @@ def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda count: None):
     Parameters
     ----------
     run : Run
+        The results of one method.
     tasks : list of Task
+        What is to be done, independent of each other.
     workers : int
         Processes on this machine; 1 or a single task: this process measures.
     scheduler : str, optional

@@ -19,7 +19,9 @@ def read_recorded_frames(recording, stream, left, right, info, say):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     stream : FrameStream
+        Takes the frames.
     left, right, info : str
         Topics of the images and of pattern/info.
     say : callable

@@ -69,7 +69,9 @@ class PairSensor:
         Parameters
         ----------
         stereo : ColorStereo
+            The sensor.
         pair : FoundPair
+            Where the pair lies in the recording.
 
         Returns
         -------

@@ -16,6 +16,7 @@ def pairs_of(recording, left, right, say, others=None):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     left, right : str
         Topics of the images, raw or compressed.
     say : callable
@@ -53,6 +54,7 @@ def recorded_pairs(recording, left, right, say):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     left, right : str
         Topics of the images, raw or compressed.
     say : callable

@@ -119,6 +119,7 @@ class Parts:
         Parameters
         ----------
         count : int
+            Number of the parts.
         overwrite : bool
             Replace a recording that is there.
 

@@ -197,6 +197,7 @@ def open_readable(path, say):
     Parameters
     ----------
     path : str or Path
+        Of the file or folder.
     say : callable
         Called with a sentence about what is lost.
 

@@ -20,6 +20,7 @@ def times_in(storage, topic):
     storage : McapReader or Sqlite3Reader
         Of `rosbags`, open.
     topic : str
+        Its name in the recording.
 
     Returns
     -------

@@ -31,6 +31,7 @@ class Refusals:
         Parameters
         ----------
         message : RecordedMessage
+            That cannot be read.
         reason : object
             A sentence, or an error with such a text.
 

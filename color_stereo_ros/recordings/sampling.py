@@ -223,7 +223,9 @@ def windows(recording, topics):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     topics : StereoTopics
+        The topics of images and calibrations.
 
     Returns
     -------

@@ -28,6 +28,7 @@ def opened(path):
     Parameters
     ----------
     path : Path
+        Of the file.
 
     Returns
     -------

@@ -75,8 +75,11 @@ def plan_of(recording, topics, settings, say, tick=lambda message: None):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     topics : StereoTopics
+        The topics of images and calibrations.
     settings : RangeNodeSettings
+        All parameters of range_node.
     say : callable
         Called with a sentence about a message or calibration that is refused.
     tick : callable
@@ -165,10 +168,13 @@ def read_pairs(recording, topics, rows, calibration):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     topics : StereoTopics
+        The topics of images and calibrations.
     rows : numpy.ndarray
         ROW (n,).
     calibration : StereoCalibration
+        Of the two cameras.
 
     Yields
     ------

@@ -61,6 +61,7 @@ def stereo_topics(recording, namespace=None, named=NOTHING_NAMED, compressed=Fal
     Parameters
     ----------
     recording : Recording
+        An open recording.
     namespace : str or None
         What the names begin with, for example '/cell_1'; None = find it.
     named : StereoTopics

@@ -65,7 +65,9 @@ def measure_task(run, task, tick=lambda: None):
     Parameters
     ----------
     run : Run
+        The results of one method.
     task : Task
+        A part of the recording.
     tick : callable
         Called after each pair.
 

@@ -103,9 +103,11 @@ class RecordingWriter:
         Parameters
         ----------
         topic : str
+            Its name in the recording.
         type_name : str
             For example sensor_msgs/msg/Image.
         time_ns : int
+            When it was recorded, ns.
         data : bytes
             CDR.
         latched : bool
@@ -125,7 +127,9 @@ class RecordingWriter:
         Parameters
         ----------
         topic : str
+            Its name in the recording.
         time_ns : int
+            When it was recorded, ns.
         content : object
             One of `messages.contents`.
         latched : bool
@@ -145,6 +149,7 @@ class RecordingWriter:
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
             RGB.
         calibration : StereoCalibration
+            Of the two cameras.
         namespace : str
             Goes before `left/image_raw` and the others.
 

@@ -49,6 +49,7 @@ def accumulate(values, pixel, total, count):
     Parameters
     ----------
     values : numpy.ndarray, float32, shape (N, C)
+        What the rays bring.
     pixel : numpy.ndarray, int32, shape (N,)
         Flat index of the pixel, -1 = none.
     total : numpy.ndarray, float64, shape (P, C)

@@ -73,6 +73,7 @@ def board_means(grid, x_breaks, y_breaks, dark, disks, border, levels, image):
     x_breaks, y_breaks : numpy.ndarray, float64, shape (C + 1,) and (R + 1,)
         m.
     dark : numpy.ndarray, bool, shape (R, C)
+        Which squares are dark.
     disks : numpy.ndarray, float64, shape (N, 3)
         Center and radius, m.
     border : float

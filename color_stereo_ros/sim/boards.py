@@ -43,6 +43,7 @@ def board_camera(model, **electronics):
     Parameters
     ----------
     model : color_stereo_ros.core.cameras.calibration.CameraModel
+        The camera as calibrated.
     **electronics
         Fields of a camera of a rig (docs/simulation.md), for example `bayer='none'`.
 
@@ -69,6 +70,7 @@ def board_view(camera, board, pose, *, seed=0, bend=(0.0, 0.0), levels=LEVELS, b
     camera : Camera
         Of a rig, or from `board_camera`; its place does not matter.
     board : color_stereo_ros.calibration.boards.Board
+        The calibration board.
     pose : Pose
         Camera frame from board frame.
     seed : int or numpy.random.SeedSequence
@@ -112,7 +114,9 @@ def board_pair(calibration, board, pose, *, seed=0, bend=(0.0, 0.0), levels=LEVE
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     board : Board
+        The calibration board.
     pose : Pose
         Left camera's frame from board frame.
     seed : int

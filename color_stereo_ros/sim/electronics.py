@@ -33,7 +33,9 @@ def expose(radiance, camera, exposure, seed):
     Parameters
     ----------
     radiance : numpy.ndarray, float64, shape (H, W, 3)
+        What arrives at the sensor, linear light.
     camera : Camera
+        The simulated camera.
     exposure : float
         Share of full scale at radiance 1.
     seed : int

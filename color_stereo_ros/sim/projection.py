@@ -20,6 +20,7 @@ def projector_coordinates(projector, points):
     Parameters
     ----------
     projector : Projector
+        The simulated projector.
     points : numpy.ndarray, shape (N, 3)
         m.
 
@@ -53,7 +54,9 @@ def pattern_stack(projector, pattern, depth):
     Parameters
     ----------
     projector : Projector
+        The simulated projector.
     pattern : numpy.ndarray, uint8, shape (H, W, 3)
+        The image that the projector shows, RGB.
     depth : numpy.ndarray, float32, shape (N,)
         m, the distances that occur.
 

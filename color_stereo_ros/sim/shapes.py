@@ -268,7 +268,9 @@ def mitsuba_shapes(mitsuba, scene_object, folder):
     Parameters
     ----------
     mitsuba : module
+        With a variant chosen.
     scene_object : SceneObject
+        One object of the scene.
     folder : pathlib.Path
         Takes the PLY files of generated meshes; they must live until the scene is loaded.
 

@@ -185,11 +185,15 @@ def sample_direct(world, camera, samples, seed, with_ambient):
     Parameters
     ----------
     world : World
+        The scene as the renderer holds it.
     camera : Camera
+        The simulated camera.
     samples : int
         Samples per pixel along either axis.
     seed : int
+        Of the random numbers.
     with_ambient : bool
+        Add the light of the room.
 
     Returns
     -------
@@ -251,9 +255,13 @@ def direct_image(light, camera, projector, pattern):
     Parameters
     ----------
     light : DirectLight
+        What the projector gives without detours.
     camera : Camera
+        The simulated camera.
     projector : Projector
+        The simulated projector.
     pattern : numpy.ndarray, uint8, shape (H', W', 3)
+        The image that the projector shows, RGB.
 
     Returns
     -------
@@ -278,13 +286,17 @@ def indirect_image(world, light, camera, pattern, samples, seed):
     Parameters
     ----------
     world : World
+        The scene as the renderer holds it.
     light : DirectLight
         Of the same camera.
     camera : Camera
+        The simulated camera.
     pattern : numpy.ndarray, uint8, shape (H', W', 3)
+        The image that the projector shows, RGB.
     samples : int
         Samples per pixel along either axis.
     seed : int
+        Of the random numbers.
 
     Returns
     -------

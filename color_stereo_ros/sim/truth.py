@@ -44,6 +44,7 @@ def cast(world, origins, directions):
     Parameters
     ----------
     world : World
+        The scene as the renderer holds it.
     origins, directions : numpy.ndarray, float64, shape (N, 3)
         m; unit directions.
 
@@ -117,6 +118,7 @@ def find_truth(world, pattern_shape):
     Parameters
     ----------
     world : World
+        The scene as the renderer holds it.
     pattern_shape : (int, int)
         Rows and columns of the pattern: they bound what is lit.
 

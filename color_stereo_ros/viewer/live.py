@@ -156,7 +156,9 @@ def result_from(messages, geometry, limits):
     messages : dict
         Names of OUTPUTS to sensor_msgs/Image of one stamp.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     limits : RangeSettings
+        The depths that are searched.
 
     Raises
     ------

@@ -52,6 +52,7 @@ def point_on_ray(points, origin, direction):
     points : numpy.ndarray, float32, shape (H, W, 3)
         m; NaN = unknown.
     origin, direction : array-like, shape (3,)
+        Of the ray, rectified left camera, m.
 
     Returns
     -------
@@ -81,6 +82,7 @@ def distance(result, points, first, second):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     points : numpy.ndarray, float32, shape (H, W, 3)
         Of the result.
     first, second : (int, int)

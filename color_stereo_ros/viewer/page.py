@@ -175,6 +175,7 @@ class ViewPage(ServedPage):
         Parameters
         ----------
         frame : Frame
+            The measured pair that is shown.
         moving : bool
             The next one follows at once: fewer points, smaller pictures.
 

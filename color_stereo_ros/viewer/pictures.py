@@ -24,6 +24,7 @@ def pictures_of(frame, step=1):
     Parameters
     ----------
     frame : Frame
+        The measured pair that is shown.
     step : int
         Every step-th pixel of every step-th row.
 
@@ -94,6 +95,7 @@ def point_colors(frame, choice):
     Parameters
     ----------
     frame : Frame
+        The measured pair that is shown.
     choice : str
         One of POINT_COLORS.
 

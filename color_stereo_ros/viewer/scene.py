@@ -58,6 +58,7 @@ class Scene:
         Parameters
         ----------
         frame : Frame
+            The measured pair that is shown.
         step, picture_step : int
             Every step-th pixel of every step-th row, of the points and of the pictures.
 
@@ -137,6 +138,7 @@ class Scene:
         spots : list of array-like, shape (3,)
             m.
         color : (int, int, int)
+            RGB, 0..255.
 
         """
         self.unmark(name)
@@ -165,6 +167,7 @@ class Scene:
         Parameters
         ----------
         name : str
+            The name by which it is found.
         center, normal : numpy.ndarray, float64, shape (3,)
             m; unit.
         before : float

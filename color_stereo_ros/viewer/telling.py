@@ -52,9 +52,11 @@ def about_pixel(frame, column, row, curve=None):
     Parameters
     ----------
     frame : Frame
+        The measured pair that is shown.
     column, row : int
         px.
     curve : CostCurve, optional
+        Of the pixel.
 
     """
     result = frame.result

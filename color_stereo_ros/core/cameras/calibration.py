@@ -161,6 +161,7 @@ class StereoCalibration:
         Parameters
         ----------
         left, right : path-like
+            The files of both cameras.
 
         Returns
         -------
@@ -217,6 +218,7 @@ class StereoCalibration:
         D_left, D_right : array-like, shape (n,)
             Distortion coefficients in OpenCV's order; empty or None = no distortion.
         R : array-like, shape (3, 3)
+            Rotation of X_right = R X_left + t.
         t : array-like, shape (3,)
             X_right = R X_left + t, m.
         distortion_model : str, optional
@@ -262,6 +264,7 @@ class StereoCalibration:
         Parameters
         ----------
         left_path, right_path : path-like
+            The files of both cameras.
 
         Raises
         ------

@@ -60,7 +60,9 @@ def kept_share(left, right, rotation, translation, views):
     Parameters
     ----------
     left, right : Sampled
+        Both cameras, as sampled on a grid.
     rotation : numpy.ndarray, float64, shape (3, 3)
+        X_right = R X_left + t.
     translation : numpy.ndarray, float64, shape (3, 1)
         X_right = rotation X_left + translation, m.
     views : ((R, P), (R, P))
@@ -97,6 +99,7 @@ def with_common_view(left, right, rotation, translation, views):
     left, right : CameraModel
         Of which R and P are unknown yet.
     rotation : numpy.ndarray, float64, shape (3, 3)
+        X_right = R X_left + t.
     translation : numpy.ndarray, float64, shape (3, 1)
         X_right = rotation X_left + translation, m.
     views : ((R, P), (R, P))
@@ -142,8 +145,11 @@ def with_equal_centers(left, right, rotation, translation, views):
     left, right : CameraModel
         Of which R and P are unknown yet.
     rotation : numpy.ndarray, float64, shape (3, 3)
+        X_right = R X_left + t.
     translation : numpy.ndarray, float64, shape (3, 1)
+        t of X_right = R X_left + t, m.
     views : ((R, P), (R, P))
+        Of the rectified cameras, left and right.
 
     Returns
     -------

@@ -57,6 +57,7 @@ class StereoCovariance:
         Parameters
         ----------
         calibration : StereoCalibration
+            Of the two cameras.
         matrix : array-like, shape (n, n)
             In the order of `StereoParameters.from_calibration(calibration).names`.
 
@@ -72,6 +73,7 @@ class StereoCovariance:
         Parameters
         ----------
         path : path-like
+            Of the file.
 
         Raises
         ------
@@ -102,6 +104,7 @@ class StereoCovariance:
         Parameters
         ----------
         path : path-like
+            Of the file.
 
         Raises
         ------
@@ -127,6 +130,7 @@ class StereoCovariance:
         Parameters
         ----------
         calibration : StereoCalibration
+            Of the two cameras.
 
         Raises
         ------
@@ -186,6 +190,7 @@ def rectified_derivatives(calibration, x, y, Z):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     x, y : array-like, shape (...)
         Pixels of the rectified left image.
     Z : array-like, shape (...)
@@ -266,6 +271,7 @@ def camera_hash(camera):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
 
     Returns
     -------
@@ -296,6 +302,7 @@ def check_hashes(what, hashes, calibration):
     hashes : dict
         As `hashes_of` returned them.
     calibration : StereoCalibration
+        Of the two cameras.
 
     Raises
     ------

@@ -50,8 +50,11 @@ class Lens:
         Parameters
         ----------
         pixels : numpy.ndarray, float64, shape (N, 2)
+            Column and row in the raw image.
         K : numpy.ndarray, float64, shape (3, 3)
+            Camera matrix, px.
         D : numpy.ndarray, float64
+            Distortion coefficients.
 
         Returns
         -------
@@ -114,6 +117,7 @@ class Lens:
         Parameters
         ----------
         camera : CameraModel
+            One camera of the pair.
 
         Returns
         -------
@@ -141,6 +145,7 @@ class Lens:
         left, right : CameraModel
             Of which R and P are unknown yet.
         rotation : numpy.ndarray, float64, shape (3, 3)
+            X_right = R X_left + t.
         translation : numpy.ndarray, float64, shape (3, 1)
             X_right = rotation X_left + translation, m.
 
@@ -240,7 +245,9 @@ def coefficients_of(lens, D):
     Parameters
     ----------
     lens : Lens
+        The model of the lens.
     D : numpy.ndarray, float64, shape (n,)
+        Distortion coefficients.
 
     Returns
     -------

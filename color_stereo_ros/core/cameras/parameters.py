@@ -81,6 +81,7 @@ class StereoParameters:
         size : (int, int)
             Width and height, px.
         distortion_model : str
+            A name in `lenses.LENSES`.
         vector : array-like, shape (n,)
             As the property `vector`; both cameras have (n - 14) / 2 coefficients.
 
@@ -109,6 +110,7 @@ class StereoParameters:
         Parameters
         ----------
         calibration : StereoCalibration
+            Of the two cameras.
 
         Raises
         ------

@@ -159,6 +159,7 @@ def raw_coordinates(camera):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
 
     Returns
     -------

@@ -78,6 +78,7 @@ def seen(drift, camera, raw):
     Parameters
     ----------
     drift : numpy.ndarray, float64, shape (6,)
+        See `drift.NAMES`.
     camera : PhysicalRight
         As calibrated.
     raw : numpy.ndarray, float64, shape (N, 2)
@@ -115,7 +116,9 @@ def row_errors(drift, camera, raw, left, focal):
     Parameters
     ----------
     drift : numpy.ndarray, float64, shape (6,)
+        See `drift.NAMES`.
     camera : PhysicalRight
+        The right camera as it is mounted.
     raw : numpy.ndarray, float64, shape (N, 2)
         Raw right pixels, px.
     left : numpy.ndarray, float64, shape (N, 2)
@@ -149,11 +152,13 @@ def expected_fields(calibration, x, y, disparity, rectified_input=False):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     x, y : numpy.ndarray, float64, shape (N,)
         Column and row in the rectified left image, px.
     disparity : numpy.ndarray, float64, shape (N,)
         px.
     rectified_input : bool
+        The images arrive rectified already.
 
     Returns
     -------
@@ -182,7 +187,9 @@ def corrected(calibration, drift, baseline=True):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     drift : array-like, shape (6,)
+        See `drift.NAMES`.
     baseline : bool
         Turn both rectified cameras so that x lies along the baseline. False: the rectified left
         camera, the frame of all results, stays as it is; the direction of the baseline is not

@@ -55,6 +55,7 @@ def corrected_covariance(calibration, covariance, known):
     covariance : StereoCovariance
         Of `calibration`.
     known : KnownDrift
+        What the pairs tell of the drift.
 
     Returns
     -------

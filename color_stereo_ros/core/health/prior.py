@@ -20,7 +20,9 @@ def drift_covariance(calibration, covariance):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     covariance : StereoCovariance
+        How exact the calibration is.
 
     Returns
     -------
@@ -44,7 +46,9 @@ def drift_by_parameters(calibration, covariance):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     covariance : StereoCovariance
+        How exact the calibration is.
 
     Returns
     -------

@@ -128,6 +128,7 @@ class HealthTracker:
         Parameters
         ----------
         health : Health
+            What is known of the drift.
 
         Returns
         -------
@@ -229,7 +230,9 @@ def posterior(information, pull, covariance):
     Parameters
     ----------
     information : numpy.ndarray, float64, shape (13, 13)
+        Of drift and row terms of the scene.
     pull : numpy.ndarray, float64, shape (13,)
+        Information times what it is about.
     covariance : numpy.ndarray, float64, shape (6, 6)
         Of the prior.
 

@@ -35,6 +35,7 @@ class ColorCorrection:
         Parameters
         ----------
         pair : RectifiedPair
+            The rectified images.
 
         Returns
         -------
@@ -110,10 +111,13 @@ def brightness_samples(image, inside, dark, settings):
     Parameters
     ----------
     image : numpy.ndarray, uint8, shape (H, W, 3)
+        The view, RGB.
     inside : numpy.ndarray, bool, shape (H, W)
+        Where the view lies inside the raw image.
     dark : numpy.ndarray, float32, shape (3,)
         DN.
     settings : ColorSettings
+        The group `color` of the settings.
 
     Returns
     -------

@@ -86,6 +86,7 @@ class PaperMatcher:
         Parameters
         ----------
         pair : RectifiedPair
+            The rectified images.
 
         Returns
         -------

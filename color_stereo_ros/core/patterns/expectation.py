@@ -30,6 +30,7 @@ class Expectation:
         Parameters
         ----------
         pattern : PatternSettings
+            Of the pattern that is projected.
 
         Returns
         -------

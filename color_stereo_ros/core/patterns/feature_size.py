@@ -36,6 +36,7 @@ def feature_size_in(image, settings):
     image : numpy.ndarray, uint8, shape (H, W, 3)
         RGB.
     settings : PatternSettings
+        Of the pattern that is projected.
 
     Returns
     -------

@@ -51,6 +51,7 @@ def filtered_noise(settings):
     Parameters
     ----------
     settings : PatternSettings
+        Of the pattern that is projected.
 
     Returns
     -------

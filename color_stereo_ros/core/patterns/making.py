@@ -17,6 +17,7 @@ def make_pattern(settings: PatternSettings = PatternSettings()) -> Bytes:
     Parameters
     ----------
     settings : PatternSettings
+        Of the pattern that is projected.
 
     Returns
     -------
@@ -50,6 +51,7 @@ def check_pattern(settings):
     Parameters
     ----------
     settings : PatternSettings
+        Of the pattern that is projected.
 
     Raises
     ------

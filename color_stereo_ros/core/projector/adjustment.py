@@ -136,6 +136,7 @@ def carried_prior(earlier, depth):
     Parameters
     ----------
     earlier : ProjectorModel
+        Of an earlier pair.
     depth : float
         Median depth of the scene, m.
 
@@ -195,6 +196,7 @@ def predicted(model, points):
     Parameters
     ----------
     model : ProjectorModel
+        Geometry of the projector.
     points : numpy.ndarray, float64, shape (N, 3)
         m, rectified left camera.
 
@@ -271,7 +273,9 @@ def whitened(evidence, model, slow):
     Parameters
     ----------
     evidence : Evidence
+        Where the patches of the pattern were found.
     model : ProjectorModel
+        Geometry of the projector.
     slow : numpy.ndarray, float64, shape (M,)
         The modes of the depth, standard deviations.
 
@@ -367,8 +371,11 @@ def adjust(start, evidence, prior, rounds=None, scale=None):
     Parameters
     ----------
     start : ProjectorModel
+        Where the adjustment begins.
     evidence : Evidence
+        Where the patches of the pattern were found.
     prior : Prior
+        What is known before.
     rounds : int, optional
         Largest number of steps.
     scale : float, optional

@@ -18,9 +18,13 @@ def color_map(model, measured, pattern, evidence):
     Parameters
     ----------
     model : ProjectorModel
+        Geometry of the projector.
     measured : Measured
+        What two views have measured.
     pattern : numpy.ndarray, uint8, shape (H', W', 3)
+        The image that the projector shows, RGB.
     evidence : Evidence
+        Where the patches of the pattern were found.
 
     Returns
     -------

@@ -112,6 +112,7 @@ def left_right_pairs(left, right, features, insides=(None, None)):
     left, right : numpy.ndarray, uint8, shape (H, W, 3)
         RGB, rectified.
     features : PatternFeatures
+        Of the pattern as it is projected.
     insides : pair of numpy.ndarray, bool, shape (H, W), or None
         Where to look in each view.
 
@@ -164,6 +165,7 @@ def nearest(one, other):
     Parameters
     ----------
     one, other : numpy.ndarray, float32, shape (N, 128) and (M, 128)
+        Descriptors of two images.
 
     Returns
     -------

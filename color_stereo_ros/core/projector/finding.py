@@ -224,8 +224,11 @@ class ProjectorFinder:
         Parameters
         ----------
         model : ProjectorModel
+            Geometry of the projector.
         measured : Measured
+            What two views have measured.
         where : Sites
+            The places that are compared.
         near : int
             Number of the blur that was best for a geometry nearby; 0: unknown.
 
@@ -353,6 +356,7 @@ def known_elsewhere(model, points):
     Parameters
     ----------
     model : ProjectorModel
+        Geometry of the projector.
     points : numpy.ndarray, float64, shape (N, 3)
         m, the evidence.
 

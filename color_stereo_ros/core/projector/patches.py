@@ -159,6 +159,7 @@ def sites(measured, step):
     Parameters
     ----------
     measured : Measured
+        What two views have measured.
     step : int
         Their distance, px.
 
@@ -254,10 +255,13 @@ def placed(model, measured, colors, places, rounds=None):
     model : ProjectorModel
         Predicts where to look.
     measured : Measured
+        What two views have measured.
     colors : numpy.ndarray, float32, shape (H', W', 2)
         See `chromatic`.
     places : Sites
+        The predicted places.
     rounds : int, optional
+        Of least squares; default: as in the constants.
 
     Returns
     -------

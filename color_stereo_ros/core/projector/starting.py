@@ -24,6 +24,7 @@ def starts(evidence, size, earlier=None):
     Parameters
     ----------
     evidence : Evidence
+        Where the patches of the pattern were found.
     size : (int, int)
         Width and height of the pattern, px.
     earlier : ProjectorModel, optional
@@ -100,6 +101,7 @@ def projection(points, places):
     points : numpy.ndarray, float64, shape (N, 3)
         N >= 6.
     places : numpy.ndarray, float64, shape (N, 2)
+        Column and row in the pattern, px.
 
     Returns
     -------

@@ -126,7 +126,9 @@ class ProjectorTracker:
         Parameters
         ----------
         track : Track
+            What is known of the projector before the pair.
         measured : Measured
+            What two views have measured.
 
         Returns
         -------
@@ -182,7 +184,9 @@ class ProjectorTracker:
         Parameters
         ----------
         track : Track
+            What is known of the projector before the pair.
         measured : Measured
+            What two views have measured.
         inside : numpy.ndarray, bool, shape (H, W), optional
             Pixels of the left image to look at.
 
@@ -212,6 +216,7 @@ class ProjectorTracker:
         track : Track
             With a model.
         measured : Measured
+            What two views have measured.
 
         Returns
         -------

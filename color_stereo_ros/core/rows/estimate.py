@@ -26,6 +26,7 @@ def updated(prior, x, y, dy, information, disparity):
     Parameters
     ----------
     prior : Alignment
+        What is known of the rows before the pair.
     x, y, dy : numpy.ndarray, float64, shape (N,)
         Place in the right image and row error there, px.
     information : numpy.ndarray, float64, shape (N,)
@@ -116,6 +117,7 @@ def applicable(alignment):
     Parameters
     ----------
     alignment : Alignment
+        What is known of the rows.
 
     Returns
     -------

@@ -29,6 +29,7 @@ def search(pair, limits, by_pattern=None):
     Parameters
     ----------
     pair : RectifiedPair
+        The rectified images.
     limits : (float, float)
         Smallest and largest disparity, px.
     by_pattern : callable, optional
@@ -126,6 +127,7 @@ def matches(pair):
     Parameters
     ----------
     pair : RectifiedPair
+        The rectified images.
 
     Returns
     -------

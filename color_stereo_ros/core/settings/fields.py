@@ -52,6 +52,7 @@ def setting(default: Any, description: str | Callable[[], str], *, unit='', mini
     Parameters
     ----------
     default : bool, int, float or str
+        The value where nobody sets another one.
     description : str or callable
         A function without arguments returns the text of the moment.
     unit : str
@@ -144,9 +145,11 @@ def checked_value(settings, name, value):
     Parameters
     ----------
     settings : dataclass made of groups
+        For example Settings.
     name : str
         A flat name that the settings have.
     value : object
+        What somebody has given.
 
     Raises
     ------
@@ -178,6 +181,7 @@ def explained(registry, default):
     registry : Registry
         Of entries with a `summary`.
     default : str
+        The name that is marked.
 
     """
     parts = []

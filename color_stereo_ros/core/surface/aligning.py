@@ -76,6 +76,7 @@ class Aligner:
         Parameters
         ----------
         start : Alignment or None
+            What is known of the rows before; None: nothing.
         sentence : str
             What was found that cannot be corrected.
         prior, found : Alignment

@@ -36,9 +36,13 @@ class Bends:
         linearized : Linearized
             At planes near those that are to be corrected.
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         solver : LeastSquares
+            Of the fit of planes.
         linearize : callable
             Compares tiles in all carriers, see `SurfaceMethod.linearize`.
 

@@ -175,6 +175,7 @@ def normalized_brightness(view, offset, saturation, window, share, level, varian
     Parameters
     ----------
     view : View
+        One of the two views.
     offset : float
         Added to the brightness, DN.
     saturation : float

@@ -104,6 +104,7 @@ class CoarseSearch:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
 
         Returns
         -------

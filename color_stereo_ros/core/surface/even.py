@@ -277,6 +277,7 @@ def oblique_kernel(covariance, step_x, tuning):
     step_x : float
         Columns per node.
     tuning : UnlikeTuning
+        Constants of this stage.
 
     Returns
     -------
@@ -336,12 +337,15 @@ def recolor(view, gamma, log_gain, matrix, tuning):
     Parameters
     ----------
     view : View
+        One of the two views.
     gamma : float
         Added to the exponent of the channels.
     log_gain : numpy.ndarray, float32, shape (3, h, w)
+        Logarithm of the gain of each channel.
     matrix : numpy.ndarray, shape (2, 2)
         Added to the unit matrix; applied last.
     tuning : UnlikeTuning
+        Constants of this stage.
 
     """
     least = F4(tuning.least_share)
@@ -368,11 +372,13 @@ def soften(view, variance, softening, tuning):
     Parameters
     ----------
     view : View
+        One of the two views.
     variance : numpy.ndarray, float32, shape (2, h, w)
         By how much along rows and along columns, px^2, 0 or more.
     softening : numpy.float32
         See `view_kernels.sample_colors`.
     tuning : UnlikeTuning
+        Constants of this stage.
 
     """
     step = 2 // view.columns_per_node

@@ -16,7 +16,9 @@ def channel_gains(levels, color, tuning, images):
     levels : sequence of two (dark, mean)
         Of left and right, float32 (3,) each: dark level and mean above it, DN.
     color : ColorSettings
+        The group `color` of the settings.
     tuning : ViewTuning
+        Constants of this stage.
     images : sequence of two numpy.ndarray, uint8, shape (H, W, 3)
         Left and right.
 

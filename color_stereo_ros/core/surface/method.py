@@ -236,8 +236,11 @@ class SurfaceMethod:
         verdict : Verdict
             Of the two cameras; stays as it is.
         pair : PairModel
+            What the two views of the pair differ by.
         given : Given
+            What is known of the projector before the pair.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         Returns
         -------
@@ -264,6 +267,7 @@ class SurfaceMethod:
         left : numpy.ndarray, uint8, shape (H, W, 3)
             Raw RGB image.
         clock : Stopwatch
+            Takes the durations of the stages.
         given : Given
             Its track has a model.
 
@@ -306,10 +310,13 @@ class SurfaceMethod:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
             After all rounds.
         pair : PairModel
+            What the two views of the pair differ by.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         """
         solver = self.least_squares
@@ -345,9 +352,13 @@ class SurfaceMethod:
         Parameters
         ----------
         verdict : Verdict
+            What is believed of each node.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         alignment : Alignment or None
+            What is known of the rows; None: it is not measured.
 
         """
         inner = self.views.grid.inner
@@ -417,6 +428,7 @@ class SurfaceMethod:
         applied : numpy.ndarray, float64, shape (7,)
             By which the rows of the right view are corrected, px.
         clock : Stopwatch
+            Takes the durations of the stages.
         looks : sequence of two Look, optional
             As `Views.load` takes them.
 
@@ -594,10 +606,13 @@ class SurfaceMethod:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
             Equal cameras, plausible noise.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         Returns
         -------
@@ -622,11 +637,13 @@ class SurfaceMethod:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
             After the first round.
         pair : PairModel
             As the first round has measured it.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         Returns
         -------
@@ -741,10 +758,13 @@ class SurfaceMethod:
         turn : int
             Number of the round, from 1: the seeds had round 0.
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
             As the first round has measured it.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         """
         solver, edges = self.least_squares, planes.tiles

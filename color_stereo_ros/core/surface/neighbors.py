@@ -14,13 +14,19 @@ def propagate_planes(views, planes, pair, tiles, turn, tuning, brightness):
     Parameters
     ----------
     views : Views
+        Both views as the method sees them.
     planes : PlaneField
+        The planes of the nodes so far.
     pair : PairModel
+        What the two views of the pair differ by.
     tiles : numpy.ndarray, int32, shape (N, 2)
+        Row and column of the tiles, in nodes.
     turn : int
         Number of the round, from 1.
     tuning : NeighborTuning
+        Constants of this stage.
     brightness : BrightnessCarrier
+        The brightness of both views.
 
     """
     steps = tuning.steps[min(turn, len(tuning.steps)) - 1]

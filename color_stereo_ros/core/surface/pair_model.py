@@ -32,11 +32,13 @@ class PairModel:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
             With the misfit under this model.
         match_colors : bool
             Measure `matrix`, too.
         tuning : Tuning
+            Constants of the method.
 
         Returns
         -------
@@ -96,11 +98,13 @@ def color_matrix(views, planes, scale, tuning, misfit=None):
     Parameters
     ----------
     views : Views
+        Both views as the method sees them.
     planes : PlaneField
         With the misfit of neutral colors and noise.
     scale : numpy.float32
         Of the `PairModel` that is being measured.
     tuning : Tuning
+        Constants of the method.
     misfit : numpy.ndarray, float32, framed, optional
         NaN at nodes that do not count; default: that of planes.
 

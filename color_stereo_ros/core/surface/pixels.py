@@ -15,8 +15,11 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None, 
     Parameters
     ----------
     planes : PlaneField
+        The planes of the nodes so far.
     verdict : Verdict
+        What is believed of each node.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     limits : numpy.ndarray, float32, shape (2,)
         Smallest and largest disparity, px.
     least_odds : numpy.float32

@@ -88,6 +88,7 @@ class PlaneField:
         Parameters
         ----------
         seeds : Seeds
+            The disparities of the coarse search.
 
         Returns
         -------
@@ -142,7 +143,9 @@ class PlaneField:
         Parameters
         ----------
         tiles : numpy.ndarray, int32, shape (N, 2)
+            Row and column of the tiles, in nodes.
         views : Views
+            Both views as the method sees them.
         halo : int
             Nodes around a tile that the surface must fill, too.
         step : numpy.float32
@@ -204,14 +207,19 @@ class LeastSquares:
         Compare the nodes of some tiles with the places that their disparities point to.
 
         Writes planes.misfit and the linearized nodes in these tiles only; all others keep theirs.
-        lines: the first line of nodes of a tile that is compared, and their distance.
 
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         tiles : numpy.ndarray, int32, shape (N, 2)
+            Row and column of the tiles, in nodes.
+        lines : (int, int)
+            The first line of nodes of a tile that is compared, and their distance.
 
         Returns
         -------
@@ -234,10 +242,15 @@ class LeastSquares:
         Parameters
         ----------
         linearized : Linearized
+            The slopes of the misfit at the planes.
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         tiles : numpy.ndarray, int32, shape (N, 2)
+            Row and column of the tiles, in nodes.
         turn : int
             Number of the round, from 0.
 

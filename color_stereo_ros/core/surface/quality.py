@@ -38,7 +38,9 @@ class Quality:
         Parameters
         ----------
         linearized : Linearized
+            The slopes of the misfit at the planes.
         planes : PlaneField
+            The planes of the nodes so far.
         reference : numpy.float32
             Of `Linearized.moment`, px.
 

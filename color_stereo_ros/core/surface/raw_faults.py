@@ -165,6 +165,7 @@ def quantization(image, tuning):
     image : numpy.ndarray, uint8, shape (H, W, 3)
         RGB.
     tuning : RawTuning
+        Constants of this stage.
 
     """
     columns = image.shape[1] // BLOCK

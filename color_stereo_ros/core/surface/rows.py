@@ -52,8 +52,11 @@ class RowTracker:
         views : Views
             The right one with its rows corrected by prior.applied.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         prior : Alignment
+            What is known of the rows before the pair.
         brightness : BrightnessCarrier, optional
             Where it is active its rows count beside those of the colors.
 
@@ -119,7 +122,9 @@ class RowTracker:
         Parameters
         ----------
         planes : PlaneField
+            The planes of the nodes so far.
         alignment : Alignment
+            What is known of the rows.
 
         """
         if not (alignment.known and (alignment.applied.any() or significant(alignment))):

@@ -55,8 +55,11 @@ class SharedErrors:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         weight : numpy.ndarray, float32, framed, or None
             Of all carriers at each node, 1/px^2: colors take part with their share of it. None
             where colors alone count.

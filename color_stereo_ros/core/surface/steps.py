@@ -34,7 +34,9 @@ class Steps:
         Parameters
         ----------
         planes : PlaneField
+            The planes of the nodes so far.
         verdict : Verdict
+            What is believed of each node.
         quality : Quality
             Of these planes.
 

@@ -124,6 +124,7 @@ def matched(matcher, images, first, count):
     matcher : cv2.StereoMatcher
         Of count disparities from 0 on.
     images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
+        Left and right, reduced.
     first, count : int
         Smallest disparity and number of them, columns.
 
@@ -150,6 +151,7 @@ def likeness(images, disparity, window):
     Parameters
     ----------
     images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
+        Left and right, reduced.
     disparity : numpy.ndarray, float32, shape (h, w)
         Columns of the right image, NaN = unknown.
     window : int
@@ -202,6 +204,7 @@ def detail(carriers, tuning):
     carriers : list of (numpy.ndarray, numpy.ndarray)
         Values and variances at the nodes, float32 (rows, columns).
     tuning : BrightnessTuning
+        Constants of this stage.
 
     Returns
     -------

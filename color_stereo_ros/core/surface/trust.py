@@ -88,8 +88,11 @@ class Trust:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         seeds : Seeds
+            The disparities of the coarse search.
         confirmed : numpy.ndarray, float32, shape (rows, columns), optional
             Added to the log-odds of the nodes.
         light : numpy.ndarray, float32, framed, optional
@@ -250,6 +253,7 @@ class Trust:
         Parameters
         ----------
         verdict : Verdict
+            What is believed of each node.
         assumed : numpy.ndarray, float32, shape (rows, columns)
             Variances as `judge` has taken them, px^2.
         variance : numpy.ndarray, float32, framed

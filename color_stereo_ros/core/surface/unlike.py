@@ -68,7 +68,9 @@ def sampled(views, planes, step_y, step_x):
     Parameters
     ----------
     views : Views
+        Both views as the method sees them.
     planes : PlaneField
+        The planes of the nodes so far.
     step_y, step_x : int
         Nodes.
 
@@ -309,6 +311,7 @@ class Regression:
         bin_size : int
             Raw rows per bin.
         bins : (int, int)
+            Number of bins of left and right.
 
         Returns
         -------

@@ -348,6 +348,7 @@ class View:
         gain : numpy.ndarray, float32, shape (3,)
             Of the channels.
         color : ColorSettings
+            The group `color` of the settings.
         smoothing : (float, float), optional
             Of a compressed image, whose luma is sharper than its chroma: see `sharpen_by_luma`.
 
@@ -482,6 +483,7 @@ def half_grid_index(camera, rows, columns, step_x, shape, places):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
     rows, columns : int
         Nodes; node (j, i) has its center at column step_x i + 0.5, row 2 j + 0.5.
     step_x : int

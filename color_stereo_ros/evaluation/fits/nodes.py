@@ -64,7 +64,9 @@ def gathered(pair, tuning):
     Parameters
     ----------
     pair : Pair
+        Images with their truth.
     tuning : Tuning
+        Constants of the method.
 
     Returns
     -------

@@ -46,7 +46,9 @@ def simulated(name, pattern=PatternSettings(), cache=None, seed=1, quick=False):
     Parameters
     ----------
     name : str
+        Of the scene.
     pattern : PatternSettings
+        Of the pattern that is projected.
     cache : path-like or None
         Folder that keeps what does not depend on the pattern.
     seed : int

@@ -56,6 +56,7 @@ def fitted_odds(samples):
     Parameters
     ----------
     samples : list of (clear_share, right)
+        Of pairs whose truth is known.
 
     """
     clear, right = (np.concatenate(part) for part in zip(*samples))

@@ -29,6 +29,7 @@ def record(model, fitted, command, scenes, left_out=None):
     command : str
         What made the fit.
     scenes : list of str
+        The names of the scenes of the fit.
     left_out : dict, optional
         Scenes to figures of the fit to all others.
 
@@ -79,6 +80,7 @@ def comparison(model):
     Parameters
     ----------
     model : FittedModel
+        The new fit.
 
     Returns
     -------

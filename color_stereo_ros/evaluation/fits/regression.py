@@ -21,7 +21,9 @@ def logistic_fit(inputs, right, share, hold, offset=0.0):
     Parameters
     ----------
     inputs : numpy.ndarray, float64, shape (N, K)
+        What the probability depends on.
     right : numpy.ndarray, bool, shape (N,)
+        Whether the sample is right.
     share : numpy.ndarray, float64, shape (N,)
         Weight of every sample.
     hold : float or numpy.ndarray, shape (K,)

@@ -164,6 +164,7 @@ def samples_from(stereo, disparity, alone):
     Parameters
     ----------
     stereo : ColorStereo
+        The sensor.
     disparity : numpy.ndarray, shape (H, W)
         Truth, px; where it is NaN nothing counts.
     alone : numpy.ndarray, bool, shape (H, W)

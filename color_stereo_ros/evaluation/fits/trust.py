@@ -27,7 +27,9 @@ def fit(pairs, options):
     Parameters
     ----------
     pairs : list of Pair
+        With truth.
     options : Options
+        Of the fit.
 
     Returns
     -------

@@ -89,6 +89,7 @@ class LightScene:
         Parameters
         ----------
         mounting : Mounting
+            How the cameras are mounted.
 
         Returns
         -------
@@ -168,6 +169,7 @@ def render(scene, samples=SAMPLES, shown=None):
     Parameters
     ----------
     scene : color_stereo_ros.sim.Scene
+        What is rendered.
     samples : int
         Samples per fine pixel along either axis.
     shown : iterable, optional
@@ -246,6 +248,7 @@ def print_in_space(position, seed=3):
     position : numpy.ndarray, float32, shape (H, W, 3)
         m.
     seed : int
+        Of the random numbers.
 
     Returns
     -------

@@ -90,7 +90,9 @@ class Mounting:
         Parameters
         ----------
         raw : numpy.ndarray, float64, shape (N, 2)
+            Column and row in the raw image.
         camera : color_stereo_ros.core.CameraModel
+            One camera of the pair.
 
         Returns
         -------
@@ -111,6 +113,7 @@ class Mounting:
         light : numpy.ndarray, float32, shape (scale (H + 2 margin), scale (W + 2 margin), 3)
             What the calibrated camera sees, finer and beyond its border.
         camera : color_stereo_ros.core.CameraModel
+            One camera of the pair.
         scale : int
             Fine pixels in each pixel along either axis.
         margin : int

@@ -69,6 +69,7 @@ def write_page(path, cases, by_case, methods, facts):
     path : pathlib.Path
         Of the HTML file; it appears only when it is complete.
     cases : list of Case
+        The disturbances that were tried.
     by_case : dict of Case to list of dict
         Records of `StressTest.run`.
     methods : sequence of str

@@ -120,6 +120,7 @@ class StressTest:
         Parameters
         ----------
         case : Case
+            The disturbance.
 
         Returns
         -------
@@ -198,6 +199,7 @@ def with_switches(plan):
     Parameters
     ----------
     plan : StressPlan
+        What is run.
 
     Returns
     -------
@@ -220,6 +222,7 @@ def averages(records, method, pair=None):
     records : list of dict
         Of one case.
     method : str
+        A matching method, or a matcher of OpenCV.
     pair : int, optional
         Default: the last one.
 
@@ -256,7 +259,9 @@ def verdict(cases, by_case, own, rival):
     Parameters
     ----------
     cases : list of Case
+        The disturbances that were tried.
     by_case : dict of Case to list of dict
+        The figures of the runs.
     own, rival : str
         Methods.
 

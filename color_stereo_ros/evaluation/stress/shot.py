@@ -51,6 +51,7 @@ class Shots:
         Parameters
         ----------
         rig : StressRig
+            The disturbed cameras.
         number : int
             Of the pair: another number is other noise.
         gains : tuple of 3 floats

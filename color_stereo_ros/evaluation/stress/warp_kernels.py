@@ -23,6 +23,7 @@ def bicubic(image, column, row, result):
     Parameters
     ----------
     image : numpy.ndarray, float32, shape (H, W, C)
+        What is sampled.
     column, row : numpy.ndarray, float64, shape (N,)
         Places, px.
     result : numpy.ndarray, float32, shape (N, C)

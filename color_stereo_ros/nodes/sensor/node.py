@@ -87,6 +87,7 @@ def declare(node):
     Parameters
     ----------
     node : rclpy.node.Node
+        The node that spins.
 
     Returns
     -------

@@ -116,7 +116,9 @@ class Outputs:
         Parameters
         ----------
         result : RangeResult
+            Of the pair.
         context : messages.outputs.Context
+            What the outputs of a pair share.
         on_first : callable
             Called when the first topic, the points, is done.
 

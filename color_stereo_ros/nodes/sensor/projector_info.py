@@ -36,6 +36,7 @@ class ProjectorInfo:
         Parameters
         ----------
         track : Track or None
+            What is known of the projector; None: it is not used.
         header : messages.contents.Header
             Whose stamp counts.
 

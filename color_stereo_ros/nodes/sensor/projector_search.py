@@ -16,6 +16,7 @@ class ProjectorSearch(SearchBeside):
         Parameters
         ----------
         stereo : ColorStereo
+            The sensor.
         result : RangeResult
             Holds images of its own.
 

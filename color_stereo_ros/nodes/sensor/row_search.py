@@ -18,9 +18,11 @@ class RowSearch(SearchBeside):
         Parameters
         ----------
         stereo : ColorStereo
+            The sensor.
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
             Raw RGB images.
         result : RangeResult
+            Of the pair.
 
         """
         if result.alignment is None or not result.alignment.due or self.busy:

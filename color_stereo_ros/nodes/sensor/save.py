@@ -50,6 +50,7 @@ class SaveFolder:
         Parameters
         ----------
         settings : OutputSettings
+            The group `output` of the parameters.
 
         Returns
         -------

@@ -35,7 +35,9 @@ class StaticFrames:
         frame_id : str
             Of the left image.
         calibration : StereoCalibration
+            Of the two cameras.
         settings : OutputSettings
+            The group `output` of the parameters.
 
         """
         asked = frame_id, calibration, settings.frame_id

@@ -55,8 +55,11 @@ def fitted_colors(u, v, light, weight):
     Parameters
     ----------
     u, v : numpy.ndarray, shape (N,)
+        Column and row in the pattern, px.
     light : numpy.ndarray, shape (3, N)
+        Of the pattern at these places.
     weight : numpy.ndarray, shape (N,)
+        Of each place.
 
     Returns
     -------
@@ -106,7 +109,9 @@ def local_light(u, v, light, colors, variance, known):
     light : numpy.ndarray, float32, shape (3, h, w)
         Of the pattern; NaN = unknown.
     colors : numpy.ndarray, float32, shape (3, 4)
+        Affine map from the light of the pattern to the camera.
     known : numpy.ndarray, bool, shape (h, w)
+        Where the place in the pattern is known.
 
     Returns
     -------

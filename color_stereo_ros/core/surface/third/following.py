@@ -45,6 +45,7 @@ class Follower:
         Parameters
         ----------
         given : Given
+            What is known of the projector before the pair.
         two : callable
             Returns the Measurement of the two cameras, at some rows of pixels or at all.
 
@@ -93,6 +94,7 @@ class Follower:
         Parameters
         ----------
         given : Given
+            What is known of the projector before the pair.
         track : Track
             With a model and a smoothing.
         measurement : Measurement

@@ -151,9 +151,11 @@ class Fusion:
         Parameters
         ----------
         planes : PlaneField
+            The planes of the nodes so far.
         geometry : numpy.ndarray, float32, shape (rows, columns)
             Variance by the projector's geometry, px^2.
         share : float
+            Of the variance that both pairs of views have in common, 0..1.
 
         """
         tuning = TUNING.spread
@@ -168,11 +170,15 @@ class Fusion:
         Parameters
         ----------
         planes : PlaneField
+            The planes of the nodes so far.
         odds : numpy.ndarray, float32, shape (rows, columns)
+            Log-odds of each node.
         geometry : numpy.ndarray, float32, shape (rows, columns)
             As for `std`.
         lit : numpy.ndarray, bool, framed
+            Where the projector lights the surface.
         left : View
+            The left view.
 
         Returns
         -------
@@ -213,6 +219,7 @@ class Fusion:
         Parameters
         ----------
         found : Found
+            What left camera and projector have found.
         verdict : Verdict
             Of the two cameras; not changed.
         planes : PlaneField

@@ -56,10 +56,13 @@ class SweepSearch:
         Parameters
         ----------
         pattern : BlurredPattern
+            The pattern as the camera sees it.
         size : numpy.ndarray, int64, shape (2,)
             Its height and width, px.
         colors : numpy.ndarray, float32, shape (3, 4)
+            Affine map from the light of the pattern to the camera.
         light : numpy.ndarray, float32, shape (3, h, w)
+            Of the pattern, local brightness.
         known : numpy.ndarray, float32, shape (h, w)
             Disparity that stereo knows, px; NaN = unknown.
         wanted : numpy.ndarray, bool, shape (h, w)

@@ -30,6 +30,7 @@ def sweep_matrix(model, geometry):
     model : ProjectorModel
         Its lens distortion is not part of the matrix, see `straightened`.
     geometry : RectifiedGeometry
+        Of the rectified pair.
 
     Returns
     -------
@@ -60,7 +61,9 @@ def straightened(pattern, model):
     Parameters
     ----------
     pattern : numpy.ndarray, shape (H, W, 3)
+        The image that the projector shows, linear light.
     model : ProjectorModel
+        Geometry of the projector.
 
     Returns
     -------
@@ -98,6 +101,7 @@ def prepared_for(model, prepared, geometry, limits):
     prepared : ProjectorModel or None
         That of the images so far.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     limits : numpy.ndarray, shape (2,)
         Smallest and largest disparity, px.
 
@@ -144,7 +148,9 @@ def geometry_variance(model, geometry, d):
     Parameters
     ----------
     model : ProjectorModel
+        Geometry of the projector.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     d : float
         px.
 

@@ -117,6 +117,7 @@ class ThirdView:
         Parameters
         ----------
         model : ProjectorModel
+            Geometry of the projector.
         prepared : ProjectorModel
             Decides how the pattern is straightened and blurred; see `sweep.prepared_for`.
         pattern : callable
@@ -153,6 +154,7 @@ class ThirdView:
         linearized : Linearized
             Of the two cameras, at about these planes.
         pair : PairModel
+            What the two views of the pair differ by.
 
         Returns
         -------
@@ -225,6 +227,7 @@ class ThirdView:
         planes : PlaneField
             Of the two cameras; not changed.
         verdict : Verdict
+            What is believed of each node.
 
         """
         self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
@@ -270,6 +273,7 @@ class ThirdView:
         Parameters
         ----------
         pair : PairModel
+            What the two views of the pair differ by.
 
         Returns
         -------
