@@ -25,10 +25,10 @@ def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, mat
     """
     Write the misfits of a tile and its halo under the planes of nodes (step_y, step_x) away.
 
-    They are truncated: `cap` where the plane is unknown or leads outside the right image; the share
-    NEUTRAL_SHARE of it where the right image is too dark to tell. The left view is blurred as the
-    plane demands, see `foreshortening`. The slope of the colors is taken before the color matrix;
-    `linearize` takes it after the matrix.
+    They are truncated: `cap` where the plane is unknown or leads outside the right image, the
+    share NEUTRAL_SHARE of it where the right image is too dark to tell. The left view is blurred
+    as the plane demands, see `foreshortening`. The slope of the colors is taken before the color
+    matrix; `linearize` takes it after the matrix.
 
     """
     width = right_u.shape[1]
