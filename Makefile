@@ -9,10 +9,10 @@ ON_ALL_CORES := --numprocesses auto --maxprocesses 4 --dist loadfile
 # Nothing that runs here is meant to be seen by, or to see, another machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo quick test proof bench evaluate floor tables clean
+.PHONY: help demo quick test proof bench evaluate floor tables release-check clean
 
 help:  ## show this list
-	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 15
 
 demo:  ## play the samples through both nodes, show what comes out in demo_output/ and the browser
 	@.ci/setup ros,tools,view
@@ -47,7 +47,11 @@ tables:  ## make the tables in README and docs anew from the code
 	@.ci/setup ros,tools
 	@$(PYTHON_RUN) -m color_stereo_ros.cli.tables
 
+release-check:  ## build the package and run all checks of a release, as a table; WHOLE=1 adds colcon test
+	@.ci/setup ros,tools,sim,view,project,test
+	@$(PYTHON_RUN) .ci/release
+
 clean:  ## remove everything that the other targets made
 	rm -rf .venv .venv-floor build install log demo_output evaluation_output bench_output \
-	  render_output process_output proof_output .pytest_cache .numba_cache *.egg-info
+	  render_output process_output proof_output release_output .pytest_cache .numba_cache *.egg-info
 	find color_stereo_ros test -name __pycache__ -prune -exec rm -rf {} +
