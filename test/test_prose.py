@@ -24,7 +24,7 @@ each_page = pytest.mark.parametrize('path', PAGES, ids=lambda path: str(path.rel
 
 def prose(text):
     """Return a Markdown text without fenced code, comments, headings, tables and indented code."""
-    text = re.sub(r'^```.*?^```$|^<!-- [a-z]+: .*?^<!-- end -->$', '', text, flags=re.M | re.S)
+    text = re.sub(r'^(```|~~~).*?^\1$|^<!-- [a-z]+: .*?^<!-- end -->$', '', text, flags=re.M | re.S)
     return re.sub(r'^(<!--.*|#.*|\|.*| {4}.*)$', '', text, flags=re.M)
 
 

@@ -108,5 +108,10 @@ def test_continuous_integration_runs_the_tests_of_the_readme():
     assert 'make test' in (ROOT / '.ci/run').read_text()
 
 
-def test_the_changelog_has_a_forthcoming_section():
-    assert re.search(r'^Forthcoming\n-+$', (ROOT / 'CHANGELOG.rst').read_text(), re.M)
+def test_the_changelog_begins_with_what_comes_or_with_the_version_of_the_package():
+    lines = (ROOT / 'CHANGELOG.rst').read_text().splitlines()
+    assert lines[1] == 'Changelog for package color_stereo_ros'
+    heading = next(one for one, two in zip(lines[3:], lines[4:]) if re.fullmatch('-+', two))
+    version = re.search('<version>(.*)</version>', (ROOT / 'package.xml').read_text()).group(1)
+    released = re.fullmatch(r'(\S+) \(\d{4}-\d\d-\d\d\)', heading)
+    assert heading == 'Forthcoming' or released and released.group(1) == version
