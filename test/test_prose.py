@@ -29,7 +29,7 @@ PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').g
          ROOT / 'sample/README.md']
 MOST_LINES, WIDEST = 5, 140
 CHANGELOG_LINES = 25
-SHIPPED = 'config/', 'launch/', 'test/', 'docs/', 'sample/', '.ci/'
+SHIPPED = 'config/', 'constraints/', 'launch/', 'test/', 'docs/', 'sample/', '.ci/'
 ROOMS = tuple(f'{path.name}/' for path in PACKAGE.iterdir() if path.is_dir())
 
 each_page = pytest.mark.parametrize('path', PAGES, ids=lambda path: str(path.relative_to(ROOT)))
@@ -37,7 +37,8 @@ each_page = pytest.mark.parametrize('path', PAGES, ids=lambda path: str(path.rel
 
 def prose(text):
     """Return a Markdown text without fenced code, comments, headings, tables and indented code."""
-    text = re.sub(r'^(```|~~~).*?^\1$|^<!-- [a-z]+: .*?^<!-- end -->$', '', text, flags=re.M | re.S)
+    text = re.sub(r'^(```|~~~).*?^\1$|^<!-- [a-z]+: .*?^<!-- end -->$', '', text,
+                  flags=re.M | re.S)
     return re.sub(r'^(<!--.*|#.*|\|.*| {4}.*)$', '', text, flags=re.M)
 
 
@@ -67,7 +68,7 @@ def source_of(name):
     if name.startswith((*ROOMS, 'color_stereo_ros/')):
         return (ROOT if name.startswith('color_stereo_ros/') else PACKAGE) / name
     if re.fullmatch(r'[\w*]+\.py', name):
-        return next(PACKAGE.rglob(name), PACKAGE / name)
+        return next(PACKAGE.rglob(name), ROOT / name)
     return None
 
 
