@@ -16,6 +16,7 @@ from . import rosdistro
 from .places import Failed, LeftOut, NotHere
 
 PYTHONS = '3.11', '3.12', '3.13'
+OWN = '.'.join(map(str, sys.version_info[:2]))
 SAMPLE = 'process', '--sample', '--output', 'out'
 CHECKS = []
 EPOCH = {'SOURCE_DATE_EPOCH': '1700000000'}
@@ -100,31 +101,15 @@ def contents(places):
     return '0 findings'
 
 
-def bare(places, version):
-    """Return the Python of an environment that holds the wheel and nothing else."""
-    return places.environment(f'bare-{version}', places.wheel, version=version)
-
-
-def on_python(version):
-    """List the check of one version of Python."""
-    @check(f'Python {version}', 'pip check; python -m color_stereo_ros process --sample')
-    def installed(places):
-        """Install the wheel alone, and measure the sample."""
-        python = bare(places, version)
-        places.run(python, '-m', 'pip', 'check')
-        places.run(python, '-m', 'color_stereo_ros', *SAMPLE)
-        listed = places.run(python, '-m', 'pip', 'list', '--format=freeze').stdout
-        return ' '.join(re.findall(r'^((?:numpy|numba|opencv\S*?)==\S+)', listed, re.MULTILINE))
-
-
-for each in PYTHONS:
-    on_python(each)
+def installed(places, version=OWN):
+    """Return the Python of an environment that holds the wheel, at first nothing else."""
+    return places.environment(f'python-{version}', places.wheel, version=version)
 
 
 @check('messages of the bare wheel', 'color_stereo render ...; color_stereo convert ...')
 def messages(places):
     """Ask for what the wheel alone cannot do; each ends with one sentence and the extra."""
-    folder = bare(places, '.'.join(map(str, sys.version_info[:2]))).parent
+    folder = installed(places).parent
     for (program, *words), wanted in MESSAGES:
         ran = places.run(folder / program, *words, passes=False)
         lines = [line for line in ran.stdout.splitlines() if line.strip()]
@@ -133,33 +118,11 @@ def messages(places):
     return count(len(MESSAGES), 'sentence')
 
 
-@check('commands of README', 'color_stereo ... of its first section with commands')
-def readme(places):
-    """Run what README shows first, in order, in an empty folder, from the wheel."""
-    commands = first_commands((places.tree / 'README.md').read_text(encoding='utf-8'))
-    if not commands:
-        raise Failed('README shows no command')
-    python = places.environment('readme', f'{places.wheel}[sim,tools]')
-    folder = places.empty()
-    for command in commands:
-        program, *words = shlex.split(command, comments=True)
-        places.run(python.with_name(program), *words, cwd=folder)
-    return '; '.join(commands)
-
-
-def first_commands(text):
-    """Return the lines `color_stereo ...` of the first section that has such lines."""
-    for section in re.split(r'^## ', text, flags=re.MULTILINE):
-        found = re.findall(r'^(?: {4})?(color_stereo .*?)\s*(?:#.*)?$', section, re.MULTILINE)
-        if found:
-            return found
-    return []
-
-
 @check('mypy', 'mypy --strict test/data/typed/right.py')
 def types(places):
     """Check a user's script against the hints of the installed wheel."""
-    python = places.environment('types', places.wheel, 'mypy>=1.8')
+    installed(places)
+    python = places.environment(f'python-{OWN}', 'mypy>=1.8')
     places.run(python, '-m', 'mypy', '--strict', '--no-incremental',
                places.tree / 'test/data/typed/right.py')
     return '0 findings'
@@ -235,8 +198,10 @@ def prepared(places):
     python = places.environment('prepared', f'{places.wheel}[tools]', 'pytest', 'setuptools<80')
     places.run(python, '-m', 'pip', 'install', '--quiet', '--no-deps', '-e', folder)
     ran = places.run(python, '-m', 'pytest', '-q', '-p', 'no:cacheprovider',
-                     'test/test_package.py', 'test/test_readme.py', 'test/test_prose.py', '-k',
-                     'not colcon and not workspace', cwd=folder)
+                     'test/test_package.py', 'test/test_linters.py', 'test/test_prose.py',
+                     'test/test_readme.py::test_the_changelog_begins_with_what_comes_or_with_'
+                     'the_version_of_the_package', '-k', 'not colcon and not workspace',
+                     cwd=folder)
     return f'{version}: {ran.stdout.splitlines()[-1]}'
 
 
@@ -267,6 +232,46 @@ def collected(places):
     ran = places.run(sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '-q',
                      '--collect-only', cwd=folder, environment={'PYTHONPATH': str(folder)})
     return ran.stdout.splitlines()[-1]
+
+
+def on_python(version):
+    """List the check of one version of Python."""
+    @check(f'Python {version}', 'pip check; python -m color_stereo_ros process --sample')
+    def measured(places):
+        """Install the wheel alone, and measure the sample."""
+        python = installed(places, version)
+        places.run(python, '-m', 'pip', 'check')
+        places.run(python, '-m', 'color_stereo_ros', *SAMPLE)
+        listed = places.run(python, '-m', 'pip', 'list', '--format=freeze').stdout
+        return ' '.join(re.findall(r'^((?:numpy|numba|opencv\S*?)==\S+)', listed, re.MULTILINE))
+
+
+for each in PYTHONS:
+    on_python(each)
+
+
+@check('commands of README', 'color_stereo ... of its first section with commands')
+def readme(places):
+    """Run what README shows first, in order, in an empty folder, from the wheel."""
+    commands = first_commands((places.tree / 'README.md').read_text(encoding='utf-8'))
+    if not commands:
+        raise Failed('README shows no command')
+    installed(places)
+    python = places.environment(f'python-{OWN}', f'{places.wheel}[sim,tools]')
+    folder = places.empty()
+    for command in commands:
+        program, *words = shlex.split(command, comments=True)
+        places.run(python.with_name(program), *words, cwd=folder)
+    return '; '.join(commands)
+
+
+def first_commands(text):
+    """Return the lines `color_stereo ...` of the first section that has such lines."""
+    for section in re.split(r'^## ', text, flags=re.MULTILINE):
+        found = re.findall(r'^(?: {4})?(color_stereo .*?)\s*(?:#.*)?$', section, re.MULTILINE)
+        if found:
+            return found
+    return []
 
 
 @check('sdist: quick lane', 'make quick')

@@ -139,8 +139,8 @@ class Places:
         Parameters
         ----------
         name : str
-            Of the environment; asked for again, it is not made again.
-        requirements : str
+            Of the environment; asked for again, it gets what it has not got yet.
+        requirements : str or Path
             For pip; `-r FILE` as two words.
         version : str, optional
             Of Python, default that of this process.
@@ -150,9 +150,11 @@ class Places:
         if folder not in self._environments:
             self.run(sys.executable if version is None else self.python(version), '-m', 'venv',
                      folder)
+            self._environments[folder] = set()
+        if requirements and requirements not in self._environments[folder]:
             self.run(folder / 'bin/python', '-m', 'pip', 'install', '--quiet', *requirements)
-            self._environments[folder] = folder / 'bin/python'
-        return self._environments[folder]
+            self._environments[folder].add(requirements)
+        return folder / 'bin/python'
 
     @property
     def tools(self):
