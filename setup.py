@@ -67,10 +67,11 @@ setup(
         shared('launch'),
     ],
     python_requires='>=3.11',
-    # The lower bounds are what Ubuntu 24.04 has (constraints/oldest.txt), or older where the tests
-    # pass with older ones. numba alone has an upper bound, the first release that was not tested:
-    # core/compiled uses private parts of it, which change from release to release. With a newer
-    # one, installed by hand, the kernels use public functions only and are slower.
+    # Lower bounds: numpy, OpenCV and PyYAML of Ubuntu 24.04; numba .58 is the first that takes
+    # this numpy. `make floor` runs the tests with constraints/oldest.txt. numba alone has an upper
+    # bound, the first release that was not tested: core/compiled uses private parts of it, which
+    # change from release to release. With a newer one, installed by hand, the kernels use public
+    # functions only and are slower.
     install_requires=['numpy>=1.26', 'numba>=0.58,<0.69', 'opencv-python-headless>=4.6',
                       'PyYAML>=6.0'],
     extras_require={
