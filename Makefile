@@ -11,10 +11,10 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 # Hundreds of processes are started, and each would compile all modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo quick test proof bench evaluate floor tables clean
+.PHONY: help demo quick test proof bench evaluate floor tables release-check clean
 
 help:  ## show this list
-	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 15
 
 demo:  ## play the samples through both nodes, show what comes out in demo_output/ and the browser
 	@.ci/setup ros,tools,view
@@ -41,7 +41,7 @@ evaluate:  ## the paper's experiments on the simulated rig, as a report in evalu
 	@$(COLOR_STEREO) evaluate
 
 floor:  ## run all tests on the oldest versions that are supported, Ubuntu 24.04's
-	@VENV=.venv-floor PYTHONS=3.12 PIP_CONSTRAINT=test/floor-requirements.txt \
+	@VENV=.venv-floor PYTHONS=3.12 PIP_CONSTRAINT=constraints/oldest.txt \
 	  .ci/setup ros,tools,sim,view,project,test
 	@.venv-floor/bin/python -m pytest -p no:cacheprovider $(ON_ALL_CORES)
 
@@ -49,7 +49,11 @@ tables:  ## make the tables in README and docs anew from the code
 	@.ci/setup ros,tools
 	@$(PYTHON_RUN) -m color_stereo_ros.cli.tables
 
+release-check:  ## build the package and run all checks of a release, as a table; WHOLE=1 adds colcon test
+	@.ci/setup ros,tools,sim,view,project,test
+	@$(PYTHON_RUN) .ci/release
+
 clean:  ## remove everything that the other targets made
 	rm -rf .venv .venv-floor build install log demo_output evaluation_output bench_output \
-	  render_output process_output proof_output .pytest_cache .numba_cache *.egg-info
+	  render_output process_output proof_output release_output .pytest_cache .numba_cache *.egg-info
 	find color_stereo_ros test -name __pycache__ -prune -exec rm -rf {} +

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What `color_stereo convert` costs: `python -m color_stereo_ros.bench.conversion [PAIRS]`.
 
@@ -24,6 +37,7 @@ import time
 
 import numpy as np
 
+from .scene import bench_calibration, bench_pair, bench_settings
 from ..core import ColorStereo
 from ..core.settings import flat, updated
 from ..parameters.groups import RangeNodeSettings
@@ -31,7 +45,6 @@ from ..recordings.measuring import make_stereo, OutputWriter, PairSensor
 from ..recordings.reading import Recording
 from ..recordings.tasks import plan_of, read_pairs, SETTLING, WARM_UP
 from ..recordings.writing import open_writer, write_recording
-from .scene import bench_calibration, bench_pair, bench_settings
 
 SIZE = 512, 512
 DISPARITIES = 64

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A recording of pairs in, files for other programs out."""
 
 from collections import Counter
@@ -11,10 +24,6 @@ from uuid import uuid4
 
 import numpy as np
 
-from ..errors import RecordingError, SettingsError
-from ..files.atomic import naming, sweep
-from ..files.claim import claimed
-from ..files.film import film
 from .accounts import Tally, Teller
 from .engine import run_tasks
 from .export_tasks import ChosenTask, Exporting, film_picture
@@ -22,6 +31,10 @@ from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS
 from .reading import seconds
 from .tasks import pairs_per_task, readable_plan, tasks_of
 from .working import for_workers, prepare, Run
+from ..errors import RecordingError, SettingsError
+from ..files.atomic import naming, sweep
+from ..files.claim import claimed
+from ..files.film import film
 
 FRAMES = re.compile(r'-?\d+|(-?\d+)?:(-?\d+)?(:\d+)?')
 SLOWEST, FASTEST = 0.1, 120.0

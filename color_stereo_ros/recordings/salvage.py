@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What can still be read of damaged recordings; each format has a module of its own."""
 
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import RecordingError
 from .losses import Connections, Loss
 from .mcap_salvage import mcap_pieces
 from .sqlite_salvage import sqlite_pieces
+from ..errors import RecordingError
 
 FORMATS = {b'\x89MCAP0\r\n': ('.mcap', mcap_pieces),
            b'SQLite format 3\x00': ('.db3', sqlite_pieces)}
@@ -63,7 +76,7 @@ class Salvaged:
                         for piece in reader(file, self.loss, found)]
         if not self._pieces:
             raise RecordingError(f'{path}: is damaged, and no message of it can be read')
-        self.connections = found.all()
+        self.connections = found.used()
 
     @property
     def start_ns(self):
