@@ -62,9 +62,12 @@ class Places:
         variables = {**os.environ, 'NO_COLOR': '1', 'PYTHONDONTWRITEBYTECODE': '1',
                      'PIP_DISABLE_PIP_VERSION_CHECK': '1', **(environment or {})}
         variables = {name: value for name, value in variables.items() if value is not None}
-        ran = subprocess.run([str(word) for word in command], cwd=cwd or self.empty(),
-                             env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                             stdin=subprocess.DEVNULL, text=True, timeout=timeout)
+        try:
+            ran = subprocess.run([str(word) for word in command], cwd=cwd or self.empty(),
+                                 env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                 stdin=subprocess.DEVNULL, text=True, timeout=timeout)
+        except subprocess.TimeoutExpired as error:
+            raise Failed(f'{Path(str(command[0])).name}: no end within {timeout} s') from error
         with self.log.open('a', encoding='utf-8') as log:
             log.write(f'$ {" ".join(map(str, command))}\n{ran.stdout}\nstatus {ran.returncode}\n')
         if passes and ran.returncode:
