@@ -47,6 +47,12 @@ tables:  ## make the tables in README and docs anew from the code
 	@.ci/setup ros,tools
 	@$(PYTHON_RUN) -m color_stereo_ros.cli.tables
 
+.PHONY: docs
+docs:  ## build the site of the manual and the API in docs_output/
+	@.ci/setup docs
+	@$(PYTHON_RUN) -m sphinx -W --keep-going -q docs docs_output
+	@echo docs_output/index.html
+
 clean:  ## remove everything that the other targets made
 	rm -rf .venv .venv-floor build install log demo_output evaluation_output bench_output \
 	  render_output process_output proof_output .pytest_cache .numba_cache *.egg-info
