@@ -16,7 +16,7 @@ HOME = 'https://github.com/color-stereo-ros/color_stereo_ros'
 
 extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon']
 source_suffix = {'.rst': 'restructuredtext', '.md': 'markdown'}
-# index.rst includes index.md, because rosdoc2 wants an index.rst. The others are pages that rosdoc2
+# index.rst includes index.md: rosdoc2 wants an index.rst. The others are pages that rosdoc2
 # makes: copies of README and the like, and a page for every module.
 exclude_patterns = ['index.md', 'standard*', '__*', '*links.rst', 'modules.rst',
                     'color_stereo_ros*.rst']
