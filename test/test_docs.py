@@ -70,6 +70,14 @@ def test_external_links_are_found_whole():
     assert links(text) == {'https://a.org/b.html#c', 'https://d.org/e', 'https://f.org/g'}
 
 
+def test_the_table_of_versions_has_a_column_for_each_set():
+    table = runpy.run_path(str(ROOT / '.ci/versions'))['table']
+    rows = table({'oldest': {'numpy': '1.26.4'}, 'newest': {'numpy': '2.4.6', 'pyyaml': '6.0.4'}},
+                 ['9 passed', '8 passed, 1 failed']).splitlines()
+    assert {'|  | oldest | newest |', '| numpy | 1.26.4 | 2.4.6 |', '| PyYAML | - | 6.0.4 |',
+            '| tests | 9 passed | 8 passed, 1 failed |'} <= set(rows)
+
+
 def test_the_addresses_of_the_repository_agree():
     for name in ('README.md', 'SECURITY.md', 'CITATION.cff', 'docs/conf.py',
                  '.github/ISSUE_TEMPLATE/config.yml'):
