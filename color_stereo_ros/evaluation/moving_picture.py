@@ -30,13 +30,13 @@ from matplotlib.figure import Figure
 import numpy as np
 from PIL import Image
 
+from .stress.disturbances import DISTURBANCES
+from .stress.light import LightScenes, MAIN
+from .stress.shot import Shots
 from ..core import ColorStereo, Settings
 from ..core.false_color import false_color, range_limits
 from ..core.legends import with_scale_bar
 from ..files.atomic import write_bytes
-from .stress.disturbances import DISTURBANCES
-from .stress.light import LightScenes, MAIN
-from .stress.shot import Shots
 
 SCENE = 'casting'
 HEIGHT = 360                 # px of a panel
@@ -59,6 +59,7 @@ def measured(scene, seed=1):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.stress.light.LightScene
+        Its light, before lens and electronics.
     seed : int
         Of the noise.
 
@@ -89,6 +90,7 @@ def pictures(pair, result, limits, count=FRAMES):
     pair : tuple of numpy.ndarray, uint8, shape (H, W, 3)
         Left and right image, RGB.
     result : color_stereo_ros.core.RangeResult
+        What was measured from the pair.
     limits : (float, float)
         Of the colors of the depth, m.
     count : int
@@ -131,6 +133,7 @@ class Cloud:
     Parameters
     ----------
     result : color_stereo_ros.core.RangeResult
+        Its known points are drawn.
     colors : numpy.ndarray, uint8, shape (H, W, 3)
         RGB of every pixel.
 
@@ -183,6 +186,7 @@ def splat(row, column, depth, colors, shape):
     depth : numpy.ndarray, float, shape (N,)
         The nearest point wins.
     colors : numpy.ndarray, shape (N, 3)
+        0 .. 255.
     shape : (int, int)
         Rows and columns, px.
 
