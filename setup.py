@@ -2,11 +2,17 @@
 """Build and installation, the same for pip and colcon."""
 
 from pathlib import Path
+import re
 
+import setuptools
 from setuptools import find_packages, setup
 
 NAME = 'color_stereo_ros'
 HERE = Path(__file__).resolve().parent
+HOME = f'https://github.com/color-stereo-ros/{NAME}'
+
+# Since version 77, setuptools writes an SPDX expression into a field of its own; Jazzy has 68.
+LICENSE = 'license_expression' if int(setuptools.__version__.split('.')[0]) >= 77 else 'license'
 
 
 def shared(folder):
@@ -15,18 +21,53 @@ def shared(folder):
     return f'share/{NAME}/{folder}', [str(path.relative_to(HERE)) for path in files]
 
 
+def readme():
+    """Return README with links and pictures that the package index can follow."""
+    text = (HERE / 'README.md').read_text(encoding='utf-8')
+    raw = HOME.replace('github.com', 'raw.githubusercontent.com')
+    text = re.sub(r'(!\[[^]]*\]\()(?![a-z]+:|#)', rf'\1{raw}/main/', text)
+    return re.sub(r'(?<!!)(\[[^]]*\]\()(?![a-z]+:|#)', rf'\1{HOME}/blob/main/', text)
+
+
 setup(
     name=NAME,
+    # `catkin_prepare_release` changes this line and package.xml; a test holds them equal. The
+    # package asks for the version that is installed.
     version='0.1.0',
     description='Single-shot range finder with two color cameras and a projected color pattern',
-    long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
+    long_description=readme(),
     long_description_content_type='text/markdown',
-    license='Apache-2.0',
+    **{LICENSE: 'Apache-2.0'},
+    license_files=['LICENSE'],
+    url=HOME,
+    project_urls={
+        'Documentation': f'{HOME}/blob/main/docs/index.md',
+        'Changelog': f'{HOME}/blob/main/CHANGELOG.rst',
+        'Issues': f'{HOME}/issues',
+        'Source': HOME,
+    },
+    keywords=['3d camera', 'depth', 'point cloud', 'range finder', 'robotics', 'ros2', 'stereo',
+              'structured light'],
+    classifiers=[
+        'Development Status :: 4 - Beta',
+        'Intended Audience :: Developers',
+        'Intended Audience :: Manufacturing',
+        'Intended Audience :: Science/Research',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: 3.13',
+        'Programming Language :: Python :: Implementation :: CPython',
+        'Topic :: Scientific/Engineering :: Image Processing',
+        'Topic :: Scientific/Engineering :: Image Recognition',
+        'Typing :: Typed',
+    ],
     maintainer='color_stereo_ros maintainers',
     maintainer_email='maintainers@color-stereo.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={'': ['**/*.yaml', '**/*.json', '**/*.png', '**/*.webp', '**/*.ply', '**/*.html',
-                       '**/*.xml']},
+                       '**/*.xml'], NAME: ['py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -35,8 +76,11 @@ setup(
         shared('launch'),
     ],
     python_requires='>=3.11',
-    # core/compiled uses private parts of numba, which change from release to release: the upper
-    # bound is the first release that was not tested. Newer ones work, too, but more slowly.
+    # Lower bounds: numpy, OpenCV and PyYAML of Ubuntu 24.04; numba .58 is the first that takes
+    # this numpy. `make floor` runs the tests with constraints/oldest.txt. numba alone has an upper
+    # bound, the first release that was not tested: core/compiled uses private parts of it, which
+    # change from release to release. With a newer one, installed by hand, the kernels use public
+    # functions only and are slower.
     install_requires=['numpy>=1.26', 'numba>=0.58,<0.69', 'opencv-python-headless>=4.6',
                       'PyYAML>=6.0'],
     extras_require={
@@ -49,8 +93,9 @@ setup(
                   'distributed>=2023.1'],
         'cluster': ['distributed>=2023.1'],
         'view': ['viser>=1.1'],
+        'docs': ['sphinx>=7.2', 'myst-parser>=2.0', 'furo>=2023.9'],
         'test': ['pytest>=7.4', 'pytest-xdist>=3.4', 'colcon-common-extensions', 'setuptools<80',
-                 'playwright>=1.40'],
+                 'playwright>=1.40', 'mypy>=1.8'],
     },
     zip_safe=False,
     entry_points={'console_scripts': [

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The one exception family of this package, and how its texts show what came from elsewhere."""
 
 _SHOWN = 80
@@ -26,6 +39,17 @@ def brief(value):
         return text
     length = len(value) if isinstance(value, str) else len(text)
     return f'{text[:_SHOWN // 2]}... ({length} characters) ...{text[-_SHOWN // 4:]}'
+
+
+def pip_install(extra):
+    """
+    Return the command that installs an extra of this package, for messages.
+
+    It is right for a wheel and for an installation in place: pip takes the package that is there,
+    and installs what the extra adds.
+
+    """
+    return f'pip install "color_stereo_ros[{extra}]"'
 
 
 def bounded(text, limit=_BOUND):

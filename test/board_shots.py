@@ -1,15 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A rig before a board, for the tests of `color_stereo calibrate`: calibration, poses, images."""
 
 from functools import lru_cache
-
-import cv2
-import numpy as np
 
 from color_stereo_ros.calibration.boards import Board
 from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.sim.boards import board_pair
 from color_stereo_ros.sim.geometry import Pose
+
+import cv2
+
+import numpy as np
 
 SIZE = WIDTH, HEIGHT = 640, 480
 BASELINE = 0.2

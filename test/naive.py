@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Loop-only twins of the compiled kernels, written from the paper's formulas."""
 
 import math
@@ -274,9 +287,8 @@ def slopes_at_pixel(slopes, v, u):
     j, i = min(v // 2, rows - 1), min(u // 2, columns - 1)
     found = np.array(slopes[j][i])
     for off, dj, di in (((v - 2 * j - 0.5) / 2, 1, 0), ((u - 2 * i - 0.5) / 2, 0, 1)):
-        around = [slopes[min(max(j + sign * dj, 0), rows - 1)][min(max(i + sign * di, 0),
-                                                                  columns - 1)]
-                  for sign in (-1, 1)]
+        around = [slopes[min(max(j + sign * dj, 0), rows - 1)]
+                  [min(max(i + sign * di, 0), columns - 1)] for sign in (-1, 1)]
         for k in (0, 1):
             here = slopes[j][i][k]
             changes = [change for change in (here - around[0][k], around[1][k] - here)

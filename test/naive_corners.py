@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Twins of the kernels of boards and corners: the same by NumPy and plain loops."""
 
 import math
@@ -70,7 +83,7 @@ def variance(values, window_pixels, lag=5):
     jacobian = np.array([differentiated(values, x, y) for x, y in zip(columns, rows)])
     residual = np.array([value - model(values, x, y) for x, y, value in zip(columns, rows, seen)])
     influence = (jacobian @ np.linalg.inv(jacobian.T @ jacobian))[:, :2] * residual[:, None]
-    at = {place: push for place, push in zip(zip(columns, rows), influence)}
+    at = dict(zip(zip(columns, rows), influence))
     twice = np.floor(2 * (values[:2] - (columns[0], rows[0])) + 0.5).astype(int)
     twice += 2 * np.array([columns[0], rows[0]])
     # A pixel outside of the window may lie opposite to one inside.

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Small recordings of a card at 1 m as other people make them: SQLite, compressed, ROS 1."""
 
 from color_stereo_ros.messages.contents import camera_info, CameraInfo, Header, Image, image
@@ -17,6 +30,7 @@ OTHER = ('/stereo/left/image_color', '/stereo/right/image_color', '/stereo/left/
          '/stereo/right/camera_info')
 DISPARITY = 8
 DEPTH = 1.0  # m: focal length 80 px, baseline 0.1 m, disparity 8 px
+
 
 def contents(index, stamp, seen=lambda *pair: pair):
     """Return the images and camera_infos of one pair in the order of `USUAL`."""

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A rig for the tests of the nodes: node processes, two tiny cameras, and what comes out."""
 
 from array import array
@@ -19,7 +32,7 @@ if 'COLOR_STEREO_TEST_DOMAIN' not in os.environ:  # else a test has started this
 os.environ['ROS_DOMAIN_ID'] = os.environ['COLOR_STEREO_TEST_DOMAIN']
 os.environ['PYTHONUNBUFFERED'] = '1'
 
-from color_stereo_ros.core import StereoCalibration  # noqa: E402
+from color_stereo_ros.core import StereoCalibration  # noqa: E402, I100
 from color_stereo_ros.messages.contents import camera_info, Header  # noqa: E402
 from color_stereo_ros.nodes.filling import message_of  # noqa: E402
 

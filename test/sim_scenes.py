@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Small scenes and patterns for the tests of the simulated rig."""
 
 import os
@@ -10,7 +23,7 @@ import cv2  # noqa: E402
 
 import numpy as np  # noqa: E402
 
-from color_stereo_ros.sim import load_scene  # noqa: E402
+from color_stereo_ros.sim import load_scene  # noqa: E402, I100
 
 SIZE = 96
 CARD = {'shape': 'plane', 'position': [0, 0, 0.4], 'size': [2.0, 2.0]}

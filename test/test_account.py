@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The account of a measurement: shares that add up, and doubts only where something is wrong."""
 
 from dataclasses import replace
 from types import SimpleNamespace
-
-import cv2
-import numpy as np
-import pytest
-from projected import projector
-from ros_rig import calibration, PAPER, scene
-from surface_pairs import exposed, photographed
 
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import (
@@ -20,6 +26,18 @@ from color_stereo_ros.core.account import (
 from color_stereo_ros.core.patterns.feature_size import feature_size_in, FIELDS
 from color_stereo_ros.core.projector import Reason, Track
 from color_stereo_ros.files.image import write_image
+
+import cv2
+
+import numpy as np
+
+from projected import projector
+
+import pytest
+
+from ros_rig import calibration, PAPER, scene
+
+from surface_pairs import exposed, photographed
 
 SHAPE = 6, 8
 SURFACE = {**PAPER, 'matching.method': 'surface'}

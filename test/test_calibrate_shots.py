@@ -1,13 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Pairs of files, what is seen in them, and the sentences about what is wrong with them."""
 
 from dataclasses import replace
 
-import cv2
-import numpy as np
-import pytest
-
 from board_shots import BOARD, images, SIZE
+
 from color_stereo_ros.calibration.boards import Board
 from color_stereo_ros.calibration.edge_width import edge_width
 from color_stereo_ros.calibration.gray import gray_of
@@ -16,6 +26,12 @@ from color_stereo_ros.calibration.shots import check_sizes, detect_shot, without
 from color_stereo_ros.calibration.still import moved, PAIRS, StillWatch
 from color_stereo_ros.calibration.suspicions import check_shots
 from color_stereo_ros.errors import CalibrationError, RecordingError
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 COUNT = 8
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Calibrations: read, written, derived, and refused with field and value."""
 
 from types import SimpleNamespace
@@ -22,10 +35,10 @@ FISHEYE = [0.05, -0.01, 0.003, -0.001]
 
 def camera_info(**changes):
     """Return a left CameraInfo-like object of a rectified pair; changes replace fields."""
-    fields = dict(width=640, height=480, distortion_model='plumb_bob', d=[0.0] * 5,
-                  k=[600.0, 0, 320, 0, 600, 240, 0, 0, 1],
-                  r=[1.0, 0, 0, 0, 1, 0, 0, 0, 1],
-                  p=[600.0, 0, 320, 0, 0, 600, 240, 0, 0, 0, 1, 0])
+    fields = {'width': 640, 'height': 480, 'distortion_model': 'plumb_bob', 'd': [0.0] * 5,
+              'k': [600.0, 0, 320, 0, 600, 240, 0, 0, 1],
+              'r': [1.0, 0, 0, 0, 1, 0, 0, 0, 1],
+              'p': [600.0, 0, 320, 0, 0, 600, 240, 0, 0, 0, 1, 0]}
     return SimpleNamespace(**{**fields, **changes})
 
 
@@ -141,47 +154,47 @@ def test_arrays_of_a_camera_cannot_be_changed():
 
 
 @pytest.mark.parametrize('changes, message', [
-    (dict(k=[0.0] * 9), r'left K\[0\] = 0.0 px.*not calibrated'),
-    (dict(k=replaced(LEFT.k, 4, -600.0)), r'left K\[4\] = -600.0 px'),
-    (dict(k=replaced(LEFT.k, 2, float('nan'))), r'left K\[2\] = nan is not a finite number'),
-    (dict(k=replaced(LEFT.k, 8, 0.0)), 'left K = .* is no camera matrix'),
-    (dict(k=LEFT.k[:8]), 'left K has 8 values, expected 9'),
-    (dict(k='abc'), "left K = 'abc' is no list of numbers"),
-    (dict(d=[0.0] * 5 + [0.1]), r'left D\[5\] = 0.1, but distortion_model plumb_bob has 5 coeff.*'
+    ({'k': [0.0] * 9}, r'left K\[0\] = 0.0 px.*not calibrated'),
+    ({'k': replaced(LEFT.k, 4, -600.0)}, r'left K\[4\] = -600.0 px'),
+    ({'k': replaced(LEFT.k, 2, float('nan'))}, r'left K\[2\] = nan is not a finite number'),
+    ({'k': replaced(LEFT.k, 8, 0.0)}, 'left K = .* is no camera matrix'),
+    ({'k': LEFT.k[:8]}, 'left K has 8 values, expected 9'),
+    ({'k': 'abc'}, "left K = 'abc' is no list of numbers"),
+    ({'d': [0.0] * 5 + [0.1]}, r'left D\[5\] = 0.1, but distortion_model plumb_bob has 5 coeff.*'
      'is it rational_polynomial'),
-    (dict(d=[0.0] * 14 + [0.1], distortion_model='rational_polynomial'),
+    ({'d': [0.0] * 14 + [0.1], 'distortion_model': 'rational_polynomial'},
      r'left D\[14\] = 0.1, but distortion_model rational_polynomial has 14 coefficients'),
-    (dict(d=[0.0] * 4 + [1e-3], distortion_model='equidistant'), r'left D\[4\] = 0.001, but'),
-    (dict(d=[float('inf')] * 5), r'left D\[0\] = inf'),
-    (dict(distortion_model='fov'), "left distortion_model = 'fov' is unknown, expected one of pl"),
-    (dict(distortion_model='fisheye'), 'fisheye.* is unknown.*ROS calls the same model equidis'),
-    (dict(distortion_model='radtan'), 'radtan.* is unknown.*ROS calls the same model plumb_bob'),
-    (dict(distortion_model='x' * 100000),
+    ({'d': [0.0] * 4 + [1e-3], 'distortion_model': 'equidistant'}, r'left D\[4\] = 0.001, but'),
+    ({'d': [float('inf')] * 5}, r'left D\[0\] = inf'),
+    ({'distortion_model': 'fov'}, "left distortion_model = 'fov' is unknown, expected one of pl"),
+    ({'distortion_model': 'fisheye'}, 'fisheye.* is unknown.*ROS calls the same model equidis'),
+    ({'distortion_model': 'radtan'}, 'radtan.* is unknown.*ROS calls the same model plumb_bob'),
+    ({'distortion_model': 'x' * 100000},
      r"left distortion_model = 'x+\.\.\. \(100000 characters\) \.\.\.x+' is unknown"),
-    (dict(distortion_model=''), "left distortion_model = '' is unknown.*rectified already need P"),
-    (dict(r=[0.0] * 9), 'left R = .* is not a rotation'),
-    (dict(r=[1, 0, 0, 0, 1, 0, 0, 0, -1]), 'left R = .* determinant -1'),
-    (dict(r=LEFT.r[:4]), 'left R has 4 values, expected 9'),
-    (dict(p=replaced(LEFT.p, 0, 0.0)), r'left P\[0\] = 0.0 px'),
-    (dict(p=replaced(LEFT.p, 5, -1.0)), r'left P\[5\] = -1.0 px'),
-    (dict(p=replaced(LEFT.p, 10, 2.0)), r'left P\[8..11\] = '),
-    (dict(p=replaced(LEFT.p, 1, 0.5)), 'left P.* has no skew'),
-    (dict(p=LEFT.p[:11]), 'left P has 11 values, expected 12'),
-    (dict(p=replaced(LEFT.p, 3, -61.0)), r'left P\[3\] = -61.0 px m, expected 0.*swapped'),
-    (dict(p=replaced(LEFT.p, 3, -60.0)), r'left P\[3\] = -60.0 px m and right P\[3\] = '
+    ({'distortion_model': ''}, "left distortion_model = '' is unknown.*rectified already need P"),
+    ({'r': [0.0] * 9}, 'left R = .* is not a rotation'),
+    ({'r': [1, 0, 0, 0, 1, 0, 0, 0, -1]}, 'left R = .* determinant -1'),
+    ({'r': LEFT.r[:4]}, 'left R has 4 values, expected 9'),
+    ({'p': replaced(LEFT.p, 0, 0.0)}, r'left P\[0\] = 0.0 px'),
+    ({'p': replaced(LEFT.p, 5, -1.0)}, r'left P\[5\] = -1.0 px'),
+    ({'p': replaced(LEFT.p, 10, 2.0)}, r'left P\[8..11\] = '),
+    ({'p': replaced(LEFT.p, 1, 0.5)}, 'left P.* has no skew'),
+    ({'p': LEFT.p[:11]}, 'left P has 11 values, expected 12'),
+    ({'p': replaced(LEFT.p, 3, -61.0)}, r'left P\[3\] = -61.0 px m, expected 0.*swapped'),
+    ({'p': replaced(LEFT.p, 3, -60.0)}, r'left P\[3\] = -60.0 px m and right P\[3\] = '
      '-60.0 px m: no baseline between them'),
-    (dict(p=replaced(LEFT.p, 3, -60 + 1e-9)), 'no baseline between them'),
-    (dict(p=replaced(LEFT.p, 7, 5.0)), r'left P\[7\] = 5.0 px m'),
-    (dict(width=0), 'left width = 0 px is not an image size'),
-    (dict(height=-480), 'left height = -480 px is not an image size'),
-    (dict(width=640.5), 'left width = 640.5 px is not an image size'),
-    (dict(width=3, height=3), 'left width = 3 px is not an image size, expected 8 .. 32766 px'),
-    (dict(width=2, height=2000), 'left width = 2 px is not'),
-    (dict(width=64, height=1), 'left height = 1 px is not'),
-    (dict(width=32767), 'left width = 32767 px is not'),
-    (dict(width=10 ** 400), r'left width = 10+\.\.\. \(401 characters\) \.\.\.0+ px is not'),
-    (dict(width='640'), "left width = '640' px is not"),
-    (dict(width=1280), 'left width x height = 1280 x 480 px, right = 640 x 480 px'),
+    ({'p': replaced(LEFT.p, 3, -60 + 1e-9)}, 'no baseline between them'),
+    ({'p': replaced(LEFT.p, 7, 5.0)}, r'left P\[7\] = 5.0 px m'),
+    ({'width': 0}, 'left width = 0 px is not an image size'),
+    ({'height': -480}, 'left height = -480 px is not an image size'),
+    ({'width': 640.5}, 'left width = 640.5 px is not an image size'),
+    ({'width': 3, 'height': 3}, 'left width = 3 px is not an image size, expected 8 .. 32766 px'),
+    ({'width': 2, 'height': 2000}, 'left width = 2 px is not'),
+    ({'width': 64, 'height': 1}, 'left height = 1 px is not'),
+    ({'width': 32767}, 'left width = 32767 px is not'),
+    ({'width': 10 ** 400}, r'left width = 10+\.\.\. \(401 characters\) \.\.\.0+ px is not'),
+    ({'width': '640'}, "left width = '640' px is not"),
+    ({'width': 1280}, 'left width x height = 1280 x 480 px, right = 640 x 480 px'),
 ])
 def test_an_impossible_left_camera_is_refused(changes, message):
     with pytest.raises(CalibrationError, match=message):
@@ -189,9 +202,9 @@ def test_an_impossible_left_camera_is_refused(changes, message):
 
 
 @pytest.mark.parametrize('changes', [
-    dict(distortion_model='', d=[]), dict(distortion_model='none'), dict(distortion_model='fov'),
-    dict(d=[float('nan')]), dict(r=[0.0] * 9), dict(k=[0.0] * 9), dict(k=[float('nan')] * 9),
-    dict(distortion_model='', d=[], r=[0.0] * 9, k=[0.0] * 9)])
+    {'distortion_model': '', 'd': []}, {'distortion_model': 'none'}, {'distortion_model': 'fov'},
+    {'d': [float('nan')]}, {'r': [0.0] * 9}, {'k': [0.0] * 9}, {'k': [float('nan')] * 9},
+    {'distortion_model': '', 'd': [], 'r': [0.0] * 9, 'k': [0.0] * 9}])
 def test_rectified_images_need_p_alone(changes):
     calibration = StereoCalibration.from_camera_info(camera_info(**changes), RIGHT)
     assert calibration.geometry == StereoCalibration.from_camera_info(LEFT, RIGHT).geometry
@@ -290,10 +303,10 @@ def test_exactly_vertical_stereo_is_named(down):
 
 
 @pytest.mark.parametrize('changes, message', [
-    (dict(binning_x=2), 'left binning_x = 2 is not supported, expected 0 or 1'),
-    (dict(binning_y=4), 'left binning_y = 4 is not supported'),
-    (dict(roi=SimpleNamespace(x_offset=0, y_offset=16)), r'left roi = 0 x 0 px at \(0, 16\)'),
-    (dict(roi=SimpleNamespace(x_offset=0, y_offset=0, width=320, height=480)),
+    ({'binning_x': 2}, 'left binning_x = 2 is not supported, expected 0 or 1'),
+    ({'binning_y': 4}, 'left binning_y = 4 is not supported'),
+    ({'roi': SimpleNamespace(x_offset=0, y_offset=16)}, r'left roi = 0 x 0 px at \(0, 16\)'),
+    ({'roi': SimpleNamespace(x_offset=0, y_offset=0, width=320, height=480)},
      r'left roi = 320 x 480 px at \(0, 0\) is not supported, expected the whole image')])
 def test_binned_and_cut_images_are_refused(changes, message):
     with pytest.raises(CalibrationError, match=message):

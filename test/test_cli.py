@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The command `color_stereo`: it finds, runs and explains its subcommands."""
 
 from pathlib import Path
@@ -6,16 +19,18 @@ import subprocess
 import sys
 import types
 
-import cv2
-import numpy as np
-import pytest
-
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.cli.progress import Progress
 from color_stereo_ros.core import (
     CalibrationError, ImageError, make_pattern, RecordingError, Settings, SettingsError)
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.parameters.files import read_settings, settings_text
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 
 @pytest.fixture
@@ -121,10 +136,10 @@ def test_a_missing_file_is_named_and_ends_with_status_1(failing, capsys):
 @pytest.mark.parametrize('module, extra', [('mitsuba', 'sim'), ('rosbags.rosbag2', 'tools'),
                                            ('rclpy', 'ros')])
 def test_a_missing_extra_is_named_with_the_command_that_installs_it(failing, capsys, module,
-                                                                     extra):
+                                                                    extra):
     assert failing(ModuleNotFoundError('no module', name=module)) == 1
     said = capsys.readouterr().err
-    assert f"pip install '.[{extra}]' in the folder of the sources" in said
+    assert f'pip install "color_stereo_ros[{extra}]"' in said
     assert ('setup.bash' in said) == (extra == 'ros')
 
 

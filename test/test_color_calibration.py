@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Colors of two cameras: measured from frames of light, kept in a file, used by the core."""
 
 from dataclasses import replace
@@ -16,7 +29,7 @@ from naive import corrected_colors
 import numpy as np
 import pytest
 from surface_pairs import photographed, plane, rig, surface_settings
-from unequal_cameras import Eye, frames, FRAMES
+from unequal_cameras import Eye, FRAMES, frames
 
 SIZE = 320, 240
 LEFT = Eye(gains=(1.0, 0.9, 0.6), gamma=2.2, crosstalk=0.1)

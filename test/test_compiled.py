@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """One door to numba: what happens where numba is not as known, or not there."""
 
 import ast
@@ -23,24 +36,24 @@ PACKAGE = FOLDER.parent / 'color_stereo_ros'
 CACHE = FOLDER.parent / '.numba_cache' / 'broken'
 """Kept from run to run, apart from the usual one: what is there need not be compiled."""
 
-BREAK = '''
+BREAK = """
 import sys
 import numba
 
 def ours():
-    """Return whether the caller of the caller belongs to color_stereo_ros."""
+    # the caller of the caller
     return sys._getframe(2).f_globals.get('__name__', '').startswith('color_stereo_ros')
 
 def changed(place, name):
-    """Give a function other arguments, for all but numba itself."""
+    # for all but numba itself
     function = getattr(place, name)
     def refusing(*args, **options):
         if ours():
             raise TypeError(f'{name}() takes other arguments')
         return function(*args, **options)
     setattr(place, name, refusing)
-'''
-MEASURE = '''
+"""
+MEASURE = """
 import sys
 import numpy as np
 from surface_pairs import plane_pair, rig, surface_settings
@@ -50,7 +63,7 @@ sensor = ColorStereo(rig(160, 96), surface_settings(4, 40, matching__third_view=
 result = sensor.process(*plane_pair(160, 96, 12.25))
 np.savez(sys.argv[1], disparity=result.disparity, status=result.status)
 print(decorators._WAY.chosen is plain)
-'''
+"""
 BREAKS = {
     'a class that is gone':
         'import numba.core.codegen\ndel numba.core.codegen.JITCodeLibrary',
@@ -185,7 +198,7 @@ def test_an_error_that_a_kernel_raises_itself_is_not_hidden():
     assert decorators._WAY.chosen is not plain
 
 
-NOT_THERE = '''
+NOT_THERE = """
 import sys
 
 class Nowhere:
@@ -194,11 +207,11 @@ class Nowhere:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Nowhere())
-'''
-COMMAND = '''
+"""
+COMMAND = """
 from color_stereo_ros.cli.main import main
 sys.exit(main(["process", "nowhere"]))
-'''
+"""
 
 
 @pytest.mark.parametrize('stub, words', [

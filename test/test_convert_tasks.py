@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo convert` by tasks: the same result whoever works, and nothing is lost."""
 
 from contextlib import contextmanager
@@ -105,6 +118,7 @@ def test_every_pair_is_in_one_task_and_warm_up_comes_before_it():
 
 def test_messages_of_one_time_have_different_places():
     class Message:
+
         def __init__(self, topic, time_ns):
             self.topic, self.time_ns = topic, time_ns
     places = Places()
@@ -114,7 +128,7 @@ def test_messages_of_one_time_have_different_places():
 
 
 def test_one_process_two_processes_and_a_resumed_run_give_the_same(tmp_path, lit, few,
-                                                                    monkeypatch):
+                                                                   monkeypatch):
     options = [*surface_options(), '--topics', 'points', 'depth/image', 'depth_std/image',
                'confidence/image', 'status/image', 'views/image']
     for name, workers in (('one', '1'), ('two', '2')):
@@ -213,7 +227,7 @@ def test_three_machines_give_the_same_though_one_is_killed(tmp_path, cards, few,
 
 
 def test_the_memory_of_a_worker_does_not_grow_with_the_pairs(tmp_path, effort, figures,
-                                                              monkeypatch):
+                                                             monkeypatch):
     count, settled = effort.count(400, 2000), 200
     pair = hue_pair(8)
     with write_recording(tmp_path / 'long') as writer:

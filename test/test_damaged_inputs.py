@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Damaged files end in one clear line with name and reason, and nothing else reaches the user."""
 
 from pathlib import Path
@@ -7,16 +20,20 @@ import shutil
 import subprocess
 import sys
 
-import cv2
-import numpy as np
-import pytest
-from scenes import SCENES
-import yaml
-
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ColorStereoError, ImageError, RecordingError
 from color_stereo_ros.evaluation.datasets import load_folder
 from color_stereo_ros.files.image import read_image
+
+import cv2
+
+import numpy as np
+
+import pytest
+
+from scenes import SCENES
+
+import yaml
 
 FLAT = SCENES / 'flat_350_hue1'
 SAMPLE = Path(__file__).resolve().parents[1] / 'sample/solids_hue1/recording'

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The demonstration, replay and conversion: recordings through real topics."""
 
 from base64 import b64decode
@@ -17,10 +30,10 @@ from color_stereo_ros.core.false_color import (false_color, range_limits, STATUS
 from color_stereo_ros.core.legends import (with_scale_bar, with_status_legend,
                                            with_views_legend)
 from color_stereo_ros.core.status import Status
-from color_stereo_ros.files.claim import held
 from color_stereo_ros.demo import page as page_module
 from color_stereo_ros.demo import run as demo_module
 from color_stereo_ros.evaluation.metrics import Truth
+from color_stereo_ros.files.claim import held
 from color_stereo_ros.files.image import write_image
 from color_stereo_ros.nodes.live import LiveError
 from color_stereo_ros.nodes.sensor.worker import COMPILING, READY

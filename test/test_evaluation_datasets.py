@@ -1,17 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Folders with truth, and the depth limits that are derived when a folder has none."""
 
 from dataclasses import replace
-
-import numpy as np
-import pytest
-from scenes import parallel_rig, SCENES
 
 from color_stereo_ros.core import ColorStereoError, ImageError, RecordingError, SettingsError
 from color_stereo_ros.core import StereoCalibration
 from color_stereo_ros.evaluation import datasets
 from color_stereo_ros.evaluation.metrics import Truth
 from color_stereo_ros.evaluation.noise_limit import CameraNoise
+
+import numpy as np
+
+import pytest
+
+from scenes import parallel_rig, SCENES
 
 FLAT = SCENES / 'flat_350_hue1'
 

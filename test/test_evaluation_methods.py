@@ -1,9 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Own methods and OpenCV's on the same pairs, against figures measured independently."""
-
-import numpy as np
-import pytest
-from scenes import SCENES
 
 from color_stereo_ros.core import ColorStereo, RangeSettings, RectifiedGeometry, RectifiedPair
 from color_stereo_ros.core import Settings, SettingsError, Status
@@ -13,6 +22,12 @@ from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.evaluation import ablation, datasets, methods, opencv_matchers
 from color_stereo_ros.evaluation.metrics import accuracy
 from color_stereo_ros.evaluation.tuned import CONSTANTS, stereo_for, switched_off
+
+import numpy as np
+
+import pytest
+
+from scenes import SCENES
 
 LIMITS = {'range.min_depth': 0.22, 'range.max_depth': 0.62}
 PROTOTYPE = {'color.smoothing': 0.0, 'color.zero_weakest': False,

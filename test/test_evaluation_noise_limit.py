@@ -1,9 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The noise limit, against formulas by hand and against estimators that reach it."""
-
-import cv2
-import numpy as np
-import pytest
 
 from color_stereo_ros.core import RangeResult, RectifiedGeometry, RectifiedPair, SettingsError
 from color_stereo_ros.core import Status
@@ -12,6 +21,12 @@ from color_stereo_ros.core.triangulation import depth_from_disparity
 from color_stereo_ros.evaluation.metrics import Truth
 from color_stereo_ros.evaluation.noise_limit import (
     CameraNoise, compare, measured_noise, noise_limit, Window)
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 GEOMETRY = RectifiedGeometry(width=220, height=120, focal_x=300.0, focal_y=300.0,
                              center_x_left=110.0, center_x_right=110.0, center_y=60.0,

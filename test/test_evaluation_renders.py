@@ -1,15 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Pairs from the simulated rig for the evaluation: kept, changed, and their noise known."""
 
 from dataclasses import replace
 
-import numpy as np
-import pytest
-from sim_scenes import CARD, scene_of, small_rig
-
 from color_stereo_ros.core import ColorStereoError, PatternSettings
 from color_stereo_ros.evaluation import experiments, renders
-from color_stereo_ros.sim.electronics import expose  # noqa: E402
+
+import numpy as np
+
+import pytest
+
+from sim_scenes import CARD, scene_of, small_rig
+from color_stereo_ros.sim.electronics import expose  # noqa: E402, I100
 
 PATTERN = PatternSettings(width=128, height=128)
 

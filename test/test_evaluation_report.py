@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The experiments and the page that is made of them, on pairs from files."""
 
 from dataclasses import replace
@@ -6,14 +19,16 @@ from html.parser import HTMLParser
 import json
 import re
 
-import numpy as np
-import pytest
-from scenes import SCENES
-
 from color_stereo_ros.cli import evaluate
 from color_stereo_ros.core import PatternSettings
 from color_stereo_ros.evaluation import datasets, experiments, report
 from color_stereo_ros.evaluation.numbers import write_json
+
+import numpy as np
+
+import pytest
+
+from scenes import SCENES
 
 pytestmark = pytest.mark.long
 LIMITS = {'range.min_depth': 0.22, 'range.max_depth': 0.62}

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo export`: files for other programs hold what was measured, under true names."""
 
 import struct
@@ -274,8 +287,8 @@ def test_a_pair_is_measured_as_convert_measures_it(tmp_path, lit, few):  # noqa:
             assert found['color'].shape == projected.pair(noise=1)[0].shape
 
 
-def test_only_tasks_with_chosen_pairs_are_measured_and_up_to_these(cards, few,  # noqa: F811
-                                                                  tmp_path):
+def test_only_tasks_with_chosen_pairs_are_measured_and_up_to_these(
+        cards, few, tmp_path):  # noqa: F811
     from color_stereo_ros.parameters.groups import RangeNodeSettings
     with Recording(cards) as recording:
         export = Export(recording, tmp_path, recording.stereo_topics(), RangeNodeSettings(),

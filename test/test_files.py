@@ -1,11 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Results are written whole or not at all, and the fields of camera_info files come back."""
 
 import os
-
-import numpy as np
-import pytest
-import yaml
 
 from color_stereo_ros.core import ImageError
 from color_stereo_ros.files import atomic
@@ -13,6 +22,12 @@ from color_stereo_ros.files.atomic import folder_written_whole, write_text, writ
 from color_stereo_ros.files.camera_info import camera_info_text, read_camera_info
 from color_stereo_ros.files.image import write_image
 from color_stereo_ros.files.yaml import UnreadableError
+
+import numpy as np
+
+import pytest
+
+import yaml
 
 FIELDS = {'width': 640, 'height': 480, 'distortion_model': 'plumb_bob', 'D': [0.1, 0, 0, 0, 0.2],
           'K': [600.0, 0, 320, 0, 600, 240, 0, 0, 1], 'R': [1.0, 0, 0, 0, 1, 0, 0, 0, 1],

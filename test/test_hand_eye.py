@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Hand-eye calibration: how exact, how honest, and what it says about wrong input."""
 
 from dataclasses import replace
@@ -209,14 +222,14 @@ def test_rotations_of_any_angle_come_back():
     assert np.allclose(moved(motion, np.zeros(6))[0], motion[0], atol=1e-15)
 
 
-CSV = '''name, x, y, z, qx, qy, qz, qw
+CSV = """name, x, y, z, qx, qy, qz, qw
 view_001, 0.4, -0.1, 0.5, 0, 0.6, 0, 0.8
 view_002, 1, 2, 3, 0, 0, 0, 1
-'''
-YAML = '''
+"""
+YAML = """
 - {name: view_001, translation: {x: 0.4, y: -0.1, z: 0.5}, rotation: {x: 0, y: 0.6, z: 0, w: 0.8}}
 - {name: view_002, x: 1, y: 2, z: 3, qx: 0, qy: 0, qz: 0, qw: 1}
-'''
+"""
 
 
 @pytest.mark.parametrize('name, text', [

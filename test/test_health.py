@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The drift between two cameras, from exact and noisy row evidence."""
 
 from functools import lru_cache
@@ -235,9 +248,9 @@ def test_a_pair_replaces_what_an_earlier_one_said_of_the_same_cells():
     other = tracker.follow(once, alignment(calibration, KNOCK, noise=0.05, seed=2).but(turn=1))
     assert (other.std[:3] < 0.8 * once.std[:3]).all()
     whole = other
-    for turn in (2, 3):
+    for asked in (2, 3):
         whole = tracker.follow(whole, alignment(calibration, KNOCK, noise=0.05,
-                                                seed=turn + 1).but(turn=turn))
+                                                seed=asked + 1).but(turn=asked))
     assert np.linalg.matrix_rank(whole.information.sum(axis=0)) > COUNT
     assert (np.abs(whole.drift - KNOCK) < 3 * whole.std).all()
 

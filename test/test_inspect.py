@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo inspect`: what is told of a recording is true, quickly told, and of use."""
 
 from dataclasses import asdict, dataclass, replace
@@ -44,10 +57,15 @@ def record(path, images, infos=None, names=NAMES, rig=None, content=None, more=(
     Parameters
     ----------
     path : Path
+        Of the file.
     images : iterable of (str, int, int)
         Side, time at which it is recorded and stamp, ns.
     infos : iterable of int
         Times of the camera_infos; None: the first time of the images.
+    names : sequence of str
+        The topics.
+    rig : StereoCalibration
+        None: a parallel one.
     content : callable
         Of (side, pixels, header), returns the content of an image.
     more : iterable of (str, int, object)

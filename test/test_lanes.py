@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The lanes: what is quick is read from the source, figures are kept with their goals."""
 
 import json
@@ -58,7 +71,7 @@ def test_long_files_run_first_and_the_others_as_they_come():
     assert [item.name for item in items] == [3, 1, 4, 0, 2]
 
 
-SOURCE = '''
+SOURCE = """
 import subprocess
 import pytest
 
@@ -93,7 +106,7 @@ def test_by_mark():
 
 def test_inside():
     import rclpy
-'''
+"""
 
 
 @pytest.mark.parametrize('name, slow', [

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Launch files and layouts name only what the package has."""
 
 import json
@@ -110,9 +123,11 @@ def test_rviz_takes_the_topics_of_its_namespace():
                     assert group.find('push-ros-namespace') is not None
 
 
-def launched(function, *words, path, programs=('ros2', 'rviz2')):
+def launched(function, *words, path, programs=('ros2', 'ros2bag', 'rviz2')):
     """Run a program of the launch files; others on the PATH print their arguments."""
     path.mkdir(exist_ok=True)
+    if 'ros2bag' in programs:  # the verb `bag` of ros2 is a module
+        (path / 'ros2bag.py').touch()
     for name in programs:
         program = path / name
         program.write_text(f'#!{sys.executable}\nimport sys\nprint("\\n".join(sys.argv[1:]))\n')
@@ -120,7 +135,8 @@ def launched(function, *words, path, programs=('ros2', 'rviz2')):
     code = f'from color_stereo_ros.nodes.launching import {function} as main; ' \
            'raise SystemExit(main())'
     return subprocess.run([sys.executable, '-c', code, *words], cwd=ROOT, capture_output=True,
-                          text=True, env={**os.environ, 'PATH': str(path)})
+                          text=True,
+                          env={**os.environ, 'PATH': str(path), 'PYTHONPATH': str(path)})
 
 
 @pytest.mark.parametrize('text, options', [
@@ -135,7 +151,8 @@ def test_options_of_the_player_are_any_number_of_words(text, options, tmp_path):
 @pytest.mark.parametrize('words, programs, said', [
     (('', '--loop'), ('ros2',), 'no recording to play'),
     (('bag', '"open'), ('ros2',), 'No closing quotation'),
-    (('bag', '--loop'), (), 'source the setup.bash of ROS 2')])
+    (('bag', '--loop'), (), 'source the setup.bash of ROS 2'),
+    (('bag', '--loop'), ('ros2',), '`ros2 bag` is not installed')])
 def test_a_recording_that_cannot_be_played_is_told(words, programs, said, tmp_path):
     ran = launched('play_recording', *words, path=tmp_path / 'bin', programs=programs)
     assert ran.returncode == 1 and said in ran.stderr and 'Traceback' not in ran.stderr

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Messages to arrays and results to contents, bit for bit, without ROS."""
 
 import dataclasses
@@ -63,7 +76,7 @@ def test_rgb8_without_padding_is_not_copied():
 
 def mosaic_of(color, pattern, size=(6, 8)):
     """Return the mosaic that a sensor of this pattern sees of a uniform color."""
-    values = {name: value for name, value in zip('RGB', color)}
+    values = dict(zip('RGB', color))
     mosaic = np.empty((*size, 1), np.uint8)
     for index, name in enumerate(pattern):
         mosaic[index // 2::2, index % 2::2] = values[name]

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Bad input and bad circumstances over real DDS.
 
@@ -776,7 +789,7 @@ def long_pattern(rig):
 @pytest.mark.parametrize('send, part, words', [
     (long_frame_of_the_image, 'calibration', 'left image has frame_id'),
     (long_frames_of_the_calibrations, 'calibration', 'does not say "optical"'),
-    (long_model, 'calibration', "(100000 characters)"),
+    (long_model, 'calibration', '(100000 characters)'),
     (long_encoding, 'inputs', 'is not supported'),
     (long_pattern, 'pattern', 'cannot be read')])
 def test_foreign_texts_are_bounded_in_log_and_diagnostics(rig, send, part, words):

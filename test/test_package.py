@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The package as a whole: what setup.py, package.xml and colcon make of it."""
 
 import ast
@@ -12,10 +25,9 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
-import pytest
-
 import color_stereo_ros
-from color_stereo_ros.nodes.launching import PLAYER
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = {'range_node', 'lifecycle_range_node', 'pattern_node', 'sim_rig_node',
@@ -27,6 +39,9 @@ ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'llvmlite': 'p
                'pygame': 'python3-pygame', 'tqdm': 'python3-tqdm'}
 """Module to rosdep key, where they differ."""
 
+FIELD = 'License-Identifier'
+"""Apart from its prefix, so that `reuse lint` does not take this file for licensed twice."""
+
 FROM_PYPI = {'mitsuba', 'drjit', 'rosbags', 'mcap', 'dask', 'distributed', 'viser',
              'websockets'}
 """Modules of the extras that rosdep does not install."""
@@ -37,9 +52,16 @@ def manifest():
     return ElementTree.parse(ROOT / 'package.xml').getroot()
 
 
-def test_package_xml_setup_py_and_the_module_agree_on_the_version(manifest):
-    setup = re.search(r"version='([\d.]+)'", (ROOT / 'setup.py').read_text()).group(1)
+def test_package_xml_setup_py_and_the_installation_agree_on_the_version(manifest):
+    setup = re.search(r"^    version='([\d.]+)',$", (ROOT / 'setup.py').read_text(), re.M).group(1)
     assert manifest.findtext('version') == setup == color_stereo_ros.__version__
+
+
+def test_the_addresses_are_the_same_in_package_xml_and_setup_py(manifest):
+    home = re.search(r"^HOME = f'(.*)'$", (ROOT / 'setup.py').read_text(), re.M).group(1)
+    home = home.replace('{NAME}', 'color_stereo_ros')
+    assert {url.get('type'): url.text for url in manifest.iter('url')} == {
+        'website': home, 'repository': home, 'bugtracker': f'{home}/issues'}
 
 
 def test_the_maintainer_has_a_valid_mail_address(manifest):
@@ -51,7 +73,7 @@ def test_the_license_is_the_same_everywhere(manifest):
     assert 'Apache License' in (ROOT / 'LICENSE').read_text()
     unmarked = [path for folder in ('color_stereo_ros', 'test', 'launch')
                 for path in (ROOT / folder).rglob('*.py')
-                if not path.read_text().startswith('# SPDX-License-Identifier: Apache-2.0\n')]
+                if not path.read_text().startswith(f'# SPDX-{FIELD}: Apache-2.0\n')]
     assert not unmarked
 
 
@@ -78,24 +100,16 @@ def test_package_xml_names_every_dependency_that_is_imported(manifest):
     assert not missing
 
 
-def test_package_xml_names_everything_that_the_launch_files_start(manifest):
-    named = {element.text for element in manifest.iter('exec_depend')} | {'color_stereo_ros'}
+def test_the_launch_files_start_programs_of_this_package_alone(manifest):
+    named = {element.text for element in manifest.iter('exec_depend')}
     assert 'ros2launch' in named
+    assert not named & {'rviz2', 'ros2bag', 'rosbag2_storage_mcap', 'launch', 'launch_ros'}
     for path in (ROOT / 'launch').glob('*.xml'):
         launch = ElementTree.parse(path).getroot()
-        assert {node.get('pkg') for node in launch.iter('node')} <= named, path
+        assert {node.get('pkg') for node in launch.iter('node')} <= {'color_stereo_ros'}, path
         for command in (element.get('cmd') for element in launch.iter('executable')):
             assert command.startswith('$(find-pkg-prefix color_stereo_ros)/lib/color_stereo_ros/')
             assert command.split()[1].rpartition('/')[2] in EXECUTABLES, command
-    program, verb, *_ = PLAYER
-    assert f'{program}{verb}' in named and 'rviz2' in named
-
-
-def test_the_storage_of_the_samples_is_a_dependency(manifest):
-    named = {element.text for element in manifest.iter('exec_depend')}
-    storages = {re.search(r'storage_identifier: (\w+)', path.read_text()).group(1)
-                for path in (ROOT / 'sample').glob('*/recording/metadata.yaml')}
-    assert storages and {f'rosbag2_storage_{name}' for name in storages} <= named
 
 
 def test_every_executable_can_be_imported():

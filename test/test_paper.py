@@ -1,7 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The paper's correspondence search: against its formulas, against truth, and its laws."""
 
-import math
 import os
 from pathlib import Path
 import subprocess
@@ -38,8 +50,8 @@ def compiled_search(left, right, reach_x, reach_y, low, high, first=FIRST, count
     matcher = PaperMatcher(settings, geometry, (first + 1, first + count - 2))
     buffers = matcher._buffers
     kernels.search(left, right, first, count, reach_x, reach_y, low, high, buffers.ring,
-                    buffers.sums, buffers.total, buffers.ratios, buffers.right_cost,
-                    buffers.right_index, buffers.winner, buffers.costs)
+                   buffers.sums, buffers.total, buffers.ratios, buffers.right_cost,
+                   buffers.right_index, buffers.winner, buffers.costs)
     return buffers.winner, buffers.costs
 
 
@@ -211,7 +223,7 @@ def step_pair(near, far, width=160, height=24):
 
 def test_local_limits_remove_outliers_of_the_global_search():
     scene = load('prism_hue1')
-    base = dict(range__min_depth=0.22, range__max_depth=0.62, matching__window_height=1)
+    base = {'range__min_depth': 0.22, 'range__max_depth': 0.62, 'matching__window_height': 1}
     plain = ColorStereo(scene.calibration, paper_settings(**base))
     local = ColorStereo(scene.calibration, paper_settings(**base, matching__local_limit=12.0))
     wrong = [np.mean(gross_errors(scene, stereo.process(scene.left, scene.right)))

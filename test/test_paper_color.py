@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Color correction: its kernels against their formulas, and what it makes of known cameras."""
 
 from color_stereo_ros.core import ColorSettings, Status
@@ -46,7 +59,7 @@ def test_correction_agrees_with_the_formulas(zero_weakest, target):
     dark, gains = np.array([2.0, 3.0, 1.0], np.float32), np.array([1.0, 1.2, 2.0], np.float32)
     colors, reason = np.empty((9, 11, 4), np.float32), np.empty((9, 11), np.uint8)
     kernels.correct_colors(image, inside, dark, gains, np.float32(4.0), 250, zero_weakest,
-                            np.float32(target), colors, reason)
+                           np.float32(target), colors, reason)
     expected, expected_reason = naive.correct_colors(image, inside, dark, gains, 4.0, 250,
                                                      zero_weakest, target)
     np.testing.assert_array_equal(reason, expected_reason)
@@ -74,7 +87,7 @@ def test_reasons_are_the_status_codes():
     colors, reason = np.empty((1, 4, 4), np.float32), np.empty((1, 4), np.uint8)
     zero, one = np.zeros(3, np.float32), np.ones(3, np.float32)
     kernels.correct_colors(image, inside, zero, one, np.float32(4.0), 254, True,
-                            np.float32(255.0), colors, reason)
+                           np.float32(255.0), colors, reason)
     assert reason[0].tolist() == [Status.VALID, Status.DARK, Status.SATURATED,
                                   Status.OUTSIDE_IMAGE]
 

@@ -1,12 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Settings in YAML files: every form that ROS knows, and why another file is refused."""
 
 from dataclasses import fields
 from pathlib import Path
 import shutil
-
-import pytest
-from scenes import SCENES
 
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import SettingsError
@@ -14,6 +24,10 @@ from color_stereo_ros.evaluation import datasets
 from color_stereo_ros.parameters.files import (
     PASSED_OVER, PROJECTORS, read_settings, SENSORS, settings_text)
 from color_stereo_ros.parameters.groups import RangeNodeSettings
+
+import pytest
+
+from scenes import SCENES
 
 ROOT = Path(__file__).resolve().parents[1]
 FLAT = SCENES / 'flat_350_hue1'

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Parameters: declared from the dataclass fields, validated as a set, applied as a whole."""
 
 from pathlib import Path
@@ -49,7 +62,7 @@ class Owner:
                                          on_change=self.changes.append, **options)
         return self.parameters
 
-    def set(self, **values):
+    def set(self, **values):  # noqa: A003
         """Set parameters atomically."""
         return self.node.set_parameters_atomically(
             [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()])

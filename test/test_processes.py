@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Where a process may not do what it usually does: keep compiled code, run after a fork."""
 
 import os
@@ -12,15 +25,15 @@ import pytest
 
 FOLDER = Path(__file__).parent
 PACKAGE = FOLDER.parent / 'color_stereo_ros'
-MEASURE = '''
+MEASURE = """
 from color_stereo_ros.core import ColorStereo
 from scenes import hue_pair, paper_settings, parallel_rig
 SETTINGS = paper_settings(range__min_depth=0.5, range__max_depth=4.0)
 def measure(_=None):
     return ColorStereo(parallel_rig(), SETTINGS).process(*hue_pair(5.0)).density
-'''
+"""
 PAIR = MEASURE + 'print(measure())'
-KERNELS = '''
+KERNELS = """
 import numpy as np
 from color_stereo_ros.core.color_kernels import correct_colors
 from color_stereo_ros.core.normal_kernels import read_planes
@@ -30,9 +43,9 @@ correct_colors(image, ones, np.ones((8, 8, 3), np.float32), np.eye(3, dtype=np.f
 planes = np.zeros((3, 6, 6), np.float32)
 read_planes(np.ones((8, 8), np.float32), 1, *planes)
 print(min(image.min(), planes[0, 1:5, 1:5].min()))
-'''
+"""
 """A parallel kernel and one with a part; like PAIR it prints more than 0.5."""
-FORK = MEASURE + '''
+FORK = MEASURE + """
 import multiprocessing
 fork = multiprocessing.get_context('fork')
 def tried(_):
@@ -56,20 +69,20 @@ for use in uses:
     print(receiving.recv() if receiving.poll(60) else 'no answer')
     child.kill()
 print(measure())
-'''
-SPAWN = MEASURE + '''
+"""
+SPAWN = MEASURE + """
 import multiprocessing
 if __name__ == '__main__':
     print(measure())
     with multiprocessing.get_context('spawn').Pool(1) as pool:
         print(pool.map(measure, [0])[0])
-'''
+"""
 
 
-NODE = '''
+NODE = """
 from color_stereo_ros.nodes.range_node import main
 raise SystemExit(main(['--ros-args', '-p', 'matching.method:=paper']))
-'''
+"""
 
 
 def run(arguments, package=PACKAGE.parent, **changes):

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The documents are easy to read: short paragraphs, and every name in them leads somewhere."""
 
 from dataclasses import fields
@@ -16,7 +29,7 @@ PAGES = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').glob('*.md')),
          ROOT / 'sample/README.md']
 MOST_LINES, WIDEST = 5, 140
 CHANGELOG_LINES = 25
-SHIPPED = 'config/', 'launch/', 'test/', 'docs/', 'sample/', '.ci/'
+SHIPPED = 'config/', 'constraints/', 'launch/', 'test/', 'docs/', 'sample/', '.ci/'
 ROOMS = tuple(f'{path.name}/' for path in PACKAGE.iterdir() if path.is_dir())
 
 each_page = pytest.mark.parametrize('path', PAGES, ids=lambda path: str(path.relative_to(ROOT)))
@@ -24,7 +37,8 @@ each_page = pytest.mark.parametrize('path', PAGES, ids=lambda path: str(path.rel
 
 def prose(text):
     """Return a Markdown text without fenced code, comments, headings, tables and indented code."""
-    text = re.sub(r"^```.*?^```$|^<!-- [a-z]+: .*?^<!-- end -->$", "", text, flags=re.M | re.S)
+    text = re.sub(r'^(```|~~~).*?^\1$|^<!-- [a-z]+: .*?^<!-- end -->$', '', text,
+                  flags=re.M | re.S)
     return re.sub(r'^(<!--.*|#.*|\|.*| {4}.*)$', '', text, flags=re.M)
 
 
@@ -54,7 +68,7 @@ def source_of(name):
     if name.startswith((*ROOMS, 'color_stereo_ros/')):
         return (ROOT if name.startswith('color_stereo_ros/') else PACKAGE) / name
     if re.fullmatch(r'[\w*]+\.py', name):
-        return next(PACKAGE.rglob(name), PACKAGE / name)
+        return next(PACKAGE.rglob(name), ROOT / name)
     return None
 
 

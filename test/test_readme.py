@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What the documents say is what the code does."""
 
 import ast
@@ -6,12 +19,13 @@ from pathlib import Path
 import re
 import shlex
 import subprocess
-
-import pytest
+import sys
 
 from color_stereo_ros.cli import main as cli
-from color_stereo_ros.cli.tables import TABLES, documents, with_tables
+from color_stereo_ros.cli.tables import documents, TABLES, with_tables
 from color_stereo_ros.core import ColorStereoError
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / 'README.md').read_text()
@@ -37,6 +51,14 @@ def test_the_reference_has_the_topics_the_parameters_and_the_commands():
         assert TABLES[name]() in reference
 
 
+def test_the_package_index_can_follow_the_links_of_the_readme():
+    shown = subprocess.run([sys.executable, 'setup.py', '--long-description'], cwd=ROOT,
+                           capture_output=True, text=True, check=True).stdout
+    targets = re.findall(r'\]\(([^)]+)\)', shown)
+    assert 'raw.githubusercontent.com' in shown
+    assert [each for each in targets if not re.match('https:|#', each)] == []
+
+
 def test_the_readme_is_short():
     assert len(README.splitlines()) < MOST_LINES
 
@@ -54,7 +76,7 @@ def test_the_readme_names_make_demo_and_make_test_and_they_exist():
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
 def test_every_make_target_that_a_document_names_exists(path):
     text = path.read_text()
-    for target in set(re.findall(r'(?:`|^ {4})make ([a-z]+)', text, re.M)):
+    for target in set(re.findall(r'(?:`|^ {4})make ([a-z-]+)', text, re.M)):
         planned = subprocess.run(['make', '--dry-run', target], cwd=ROOT, capture_output=True,
                                  text=True)
         assert planned.returncode == 0, planned.stderr
@@ -115,5 +137,10 @@ def test_continuous_integration_runs_the_tests_of_the_readme():
     assert 'make test' in (ROOT / '.ci/run').read_text()
 
 
-def test_the_changelog_has_a_forthcoming_section():
-    assert re.search(r'^Forthcoming\n-+$', (ROOT / 'CHANGELOG.rst').read_text(), re.M)
+def test_the_changelog_begins_with_what_comes_or_with_the_version_of_the_package():
+    lines = (ROOT / 'CHANGELOG.rst').read_text().splitlines()
+    assert lines[1] == 'Changelog for package color_stereo_ros'
+    heading = next(one for one, two in zip(lines[3:], lines[4:]) if re.fullmatch('-+', two))
+    version = re.search('<version>(.*)</version>', (ROOT / 'package.xml').read_text()).group(1)
+    released = re.fullmatch(r'(\S+) \(\d{4}-\d\d-\d\d\)', heading)
+    assert heading == 'Forthcoming' or released and released.group(1) == version

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A ColorStereo is ready when it is made: whatever comes, nothing is compiled any more."""
 
 from dataclasses import fields
@@ -88,7 +101,7 @@ def called(monkeypatch):
 @pytest.mark.parametrize('method', METHODS)
 def test_every_kernel_that_runs_has_run_in_the_constructor(method, rectified, called, effort):
     """
-    numba compiles a kernel for the types of its arguments: the same types, nothing compiled.
+    Kernels are compiled for the types of their arguments: the same types, nothing compiled.
 
     At short length raw and rectified images share the pairs of changes: each is tried with one.
 

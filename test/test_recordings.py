@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Recordings: written and read back whole, refused with a reason when they are not."""
 
 import os
 from pathlib import Path
-
-import numpy as np
-import projected
-import pytest
 
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import RecordingError, StereoCalibration
@@ -16,6 +25,12 @@ from color_stereo_ros.messages.contents import CameraInfo, Image
 from color_stereo_ros.messages.reading import image_to_rgb, stamp_ns
 from color_stereo_ros.recordings.reading import Recording
 from color_stereo_ros.recordings.writing import write_recording
+
+import numpy as np
+
+import projected
+
+import pytest
 
 SAMPLE = Path(__file__).resolve().parents[1] / 'sample'
 SECOND = 1_000_000_000

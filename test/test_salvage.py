@@ -1,14 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Damaged recordings: what is whole is used, what is lost is told, nothing is wrong."""
-
-import numpy as np
-import pytest
-from scenes import hue_pair, parallel_rig
 
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import RecordingError
 from color_stereo_ros.recordings.reading import open_readable, Recording
 from color_stereo_ros.recordings.writing import write_recording
+
+import numpy as np
+
+import pytest
+
+from scenes import hue_pair, parallel_rig
 
 SECOND = 1_000_000_000
 COUNT = 60

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The gate `.ci/same_bytes`: what it measures, and that it sees what differs."""
 
 from dataclasses import fields
@@ -12,7 +25,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / '.ci'))
-from gate import combinations, comparison, scenes  # noqa: E402
+from gate import combinations, comparison, scenes  # noqa: E402, I100
 from gate.child import Child  # noqa: E402
 from gate.inputs import Inputs, split_name  # noqa: E402
 from gate.speed import run_figures, run_summary  # noqa: E402

@@ -1,17 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The simulated cameras: exposure, color, noise, response, bits, mosaic."""
 
 from dataclasses import replace
 
-import cv2
-
-from sim_scenes import CARD, QUIET, scene_of, SIZE, small_rig
-
 from color_stereo_ros.sim.electronics import BAYER_CHANNELS, expose, exposures_for
+
+import cv2
 
 import numpy as np
 
 import pytest
+
+from sim_scenes import CARD, QUIET, scene_of, SIZE, small_rig
 
 
 def camera(**fields):
@@ -139,8 +152,8 @@ def test_srgb_is_linear_near_black():
     assert image.mean() / 65535 == pytest.approx(12.92 * 0.002, rel=0.01)
 
 
-@pytest.mark.parametrize('bits, dtype, white', [(4, np.uint8, 240), (8, np.uint8, 255),
-                                               (12, np.uint16, 4095), (16, np.uint16, 65535)])
+@pytest.mark.parametrize('bits, dtype, white', [
+    (4, np.uint8, 240), (8, np.uint8, 255), (12, np.uint16, 4095), (16, np.uint16, 65535)])
 def test_bits_say_how_many_steps_there_are(bits, dtype, white):
     ramp = np.repeat(np.linspace(0, 1.2, SIZE)[None, :, None], SIZE, axis=0) * np.ones(3)
     image = expose(ramp, camera(bayer='none', bits=bits), 1.0, 0)

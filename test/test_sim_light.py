@@ -1,9 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Light of the simulated rig: the projector, distorted lenses, bounces, ambient, materials."""
-
-import cv2
-
-from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig, smooth_pattern, uniform
 
 from color_stereo_ros.core.cameras.lenses import LENSES
 from color_stereo_ros.errors import ImageError
@@ -12,9 +21,13 @@ from color_stereo_ros.sim.materials import MATERIALS, texture_image
 from color_stereo_ros.sim.projection import pattern_light, pattern_stack, projector_coordinates
 from color_stereo_ros.sim.transport import _averaged, _render, pixel_index, View
 
+import cv2
+
 import numpy as np
 
 import pytest
+
+from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig, smooth_pattern, uniform
 
 DISTORTIONS = [
     ('plumb_bob', [-0.25, 0.08, 0.001, -0.0015, 0.02]),

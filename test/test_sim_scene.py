@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Scenes and rigs as YAML: what is read, and what is refused with which words."""
 
 import os
@@ -7,10 +20,6 @@ import re
 import subprocess
 import sys
 
-import cv2
-
-from sim_scenes import CARD, scene_of, SIZE, small_rig
-
 from color_stereo_ros.sim import load_scene, rig_names, SceneError, variant
 from color_stereo_ros.sim.materials import MATERIALS, TEXTURES
 from color_stereo_ros.sim.relief import FEATURES, relief_heights, relief_mesh
@@ -18,31 +27,35 @@ from color_stereo_ros.sim.shapes import revolved_mesh, SHAPES, tube_mesh
 from color_stereo_ros.sim.transport import World
 from color_stereo_ros.sim.truth import cast, find_truth
 
+import cv2
+
 import numpy as np
 
 import pytest
+
+from sim_scenes import CARD, scene_of, SIZE, small_rig
 
 import yaml
 
 BAD_SCENES = [
     ({}, r'objects is missing'),
-    ({'objects': 5}, r"objects = 5, expected a list"),
+    ({'objects': 5}, r'objects = 5, expected a list'),
     ({'objects': [], 'ambiant': 1}, r"ambiant is no known field; did you mean 'ambient'"),
     ({'objects': ['plane']}, r"objects\[0\] = 'plane', expected a mapping"),
     ({'objects': [{'shape': 'spere'}]}, r"objects\[0\].shape = 'spere' is not known; did you mean "
                                         r"'sphere'"),
-    ({'objects': [{'shape': 'sphere', 'radius': -1}]}, r"objects\[0\].radius = -1, expected a "
-                                                       r"number 1e-05 .. 100"),
+    ({'objects': [{'shape': 'sphere', 'radius': -1}]}, r'objects\[0\].radius = -1, expected a '
+                                                       r'number 1e-05 .. 100'),
     ({'objects': [{'shape': 'sphere', 'radius': '5 mm'}]}, r"radius = '5 mm', expected a number"),
-    ({'objects': [{'shape': 'sphere', 'radios': 1}]}, r"radios is no known field; did you mean "
+    ({'objects': [{'shape': 'sphere', 'radios': 1}]}, r'radios is no known field; did you mean '
                                                       r"'radius'"),
-    ({'objects': [CARD, {**CARD, 'position': [0, 1]}]}, r"objects\[1\].position = \[0, 1\], "
-                                                        r"expected a list of 3 numbers"),
+    ({'objects': [CARD, {**CARD, 'position': [0, 1]}]}, r'objects\[1\].position = \[0, 1\], '
+                                                        r'expected a list of 3 numbers'),
     ({'objects': [{**CARD, 'position': [0, 0, 'far']}]}, r"position\[2\] = 'far', expected"),
     ({'objects': [{**CARD, 'material': 'alumnium'}]}, r"material = 'alumnium' is not known; did "
                                                       r"you mean 'aluminium'"),
-    ({'objects': [{**CARD, 'material': {'color': [2, 0, 0]}}]}, r"material.color\[0\] = 2, "
-                                                                r"expected a number 0 .. 1"),
+    ({'objects': [{**CARD, 'material': {'color': [2, 0, 0]}}]}, r'material.color\[0\] = 2, '
+                                                                r'expected a number 0 .. 1'),
     ({'objects': [{**CARD, 'material': {'texture': {'pattern': 'cheker'}}}]},
      r"texture.pattern = 'cheker' is not known; did you mean 'checker'"),
     ({'objects': [{'shape': 'mesh', 'file': 'no.ply'}]}, r"file = 'no.ply', expected a file"),
@@ -252,7 +265,7 @@ def test_without_mitsuba_the_extra_is_named():
             '    print(error)\n')
     said = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True,
                           env={**os.environ, 'COLOR_STEREO_SIM_VARIANT': 'scalar_rgb'}).stdout
-    assert "pip install '.[sim]'" in said and 'Mitsuba' in said
+    assert 'pip install "color_stereo_ros[sim]"' in said and 'Mitsuba' in said
 
 
 VARIANT = """

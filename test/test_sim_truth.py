@@ -1,20 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Truth of the simulated rig against planes, spheres and shadows computed by hand."""
 
 import os
 import subprocess
 import sys
 
-from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig
-
 from color_stereo_ros.sim import load_scene
 from color_stereo_ros.sim.transport import World
 from color_stereo_ros.sim.truth import edge_region, find_truth, rectified_rays
 
 import cv2
+
 import numpy as np
 
 import pytest
+
+from sim_scenes import BALL, CARD, scene_of, SIZE, small_rig
 
 PATTERN_SHAPE = (256, 256)
 

@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The stress test: known disturbances of small scenes, and their truth by direct computation."""
 
 from dataclasses import replace
 import json
 from pathlib import Path
-
-import cv2
-import numpy as np
-import pytest
 
 from color_stereo_ros.core import ColorStereoError, RangeResult, StereoCalibration
 from color_stereo_ros.evaluation import metrics
@@ -21,6 +30,12 @@ from color_stereo_ros.evaluation.stress.rig import StressRig, View
 from color_stereo_ros.evaluation.stress.runs import (
     Case, cases_of, StressPlan, StressTest, with_switches, without)
 from color_stereo_ros.evaluation.stress.shot import Shots
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 BEFORE = DISTURBANCES.names
 WIDTH, HEIGHT = 64, 48

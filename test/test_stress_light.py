@@ -1,9 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The light of the stress test: rendered, kept, and the same as the simulated rig's own."""
-
-import numpy as np
-import pytest
-from sim_scenes import BALL, CARD, scene_of, small_rig, smooth_pattern
 
 from color_stereo_ros import sim
 from color_stereo_ros.evaluation.stress import light
@@ -11,6 +20,12 @@ from color_stereo_ros.evaluation.stress.mounting import Mounting
 from color_stereo_ros.evaluation.stress.patterns import Shown
 from color_stereo_ros.evaluation.stress.rig import StressRig
 from color_stereo_ros.evaluation.stress.shot import Shots
+
+import numpy as np
+
+import pytest
+
+from sim_scenes import BALL, CARD, scene_of, small_rig, smooth_pattern
 
 PATTERN = smooth_pattern(256, 256)
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The surface method on pairs of known disparity: its precision, its honesty and its switches."""
 
 from concurrent.futures import ThreadPoolExecutor
@@ -57,7 +70,7 @@ def seen_by_both(disparity, margin=8):
 
 
 def errors(result, truth, where=None):
-    """Return the errors (px) of the ranges where both cameras see, and their share."""
+    """Return the errors, px, of the ranges where both cameras see, and their share."""
     where = seen_by_both(truth) if where is None else where
     known = where & np.isfinite(result.disparity)
     return (result.disparity - truth)[known], np.count_nonzero(known) / np.count_nonzero(where)

@@ -1,17 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The search for texture over all disparities."""
 
 from types import SimpleNamespace
-
-import cv2
-import numpy as np
-import pytest
 
 from color_stereo_ros.core.surface.grid import HalfGrid
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD
 from color_stereo_ros.core.surface.texture import (
     between_nodes, drop_small_surfaces, likeness, TextureSearch)
 from color_stereo_ros.core.surface.tuning import TUNING
+
+import cv2
+
+import numpy as np
+
+import pytest
 
 ROWS, COLUMNS = 60, 100
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The projector as a third view: where it lights, what it adds, when it is not believed."""
 
 from functools import lru_cache
@@ -234,9 +247,9 @@ def nodes():
     light = rng.uniform(0.6, 1.2, (3, *shape)).astype(F4)
     unrest = rng.uniform(1, 3, shape).astype(F4)
     region = rng.random(shape) < 0.7
-    return dict(u=u, v=v, variance=variance, flat=flat, size=np.array([90, 120]), image=image,
-                colors=colors, light=light, unrest=unrest, sweep=sweep, d=d, a=a, b=b,
-                tiles=tiles, region=region)
+    return {'u': u, 'v': v, 'variance': variance, 'flat': flat, 'size': np.array([90, 120]),
+            'image': image, 'colors': colors, 'light': light, 'unrest': unrest, 'sweep': sweep,
+            'd': d, 'a': a, 'b': b, 'tiles': tiles, 'region': region}
 
 
 def naive_node(given, y, x, d):

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Views that differ in blur, color, compression and hot pixels: what is measured and mended."""
 
 import math
@@ -395,6 +408,8 @@ def test_a_compressed_dark_background_does_not_decide_about_the_colors(usual, qu
     images = [compressed(image, quality) for image in pair(left, right)]
     result = usual.process(*images)
     assert (np.abs(result.disparity - TRUTH)[70:170, 135:225] < 0.5).mean() > 0.78
+
+
 @pytest.mark.parametrize('quality, step', [(95, 1), (85, 4), (60, 10), (40, 15)])
 def test_the_quantization_is_read_from_the_image(quality, step):
     # quality 50: 11, 12, 12, 10 and 14; above, (100 - quality) / 50 of it, below 50 / quality

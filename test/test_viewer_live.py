@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo view --live` over real DDS: what a running range_node publishes, in a page."""
 
 import re
@@ -8,15 +21,16 @@ import sys
 import time
 from urllib.request import urlopen
 
-import numpy as np
-import pytest
-
-from ros_rig import COMPILING, DEPTH, NodeProcess, PAPER, Rig, ROOT  # first: the ROS domain
-
 from color_stereo_ros.cli import demo, view
 from color_stereo_ros.core.settings import updated
 from color_stereo_ros.parameters.groups import RangeNodeSettings
 from color_stereo_ros.viewer.live import live_frames
+
+import numpy as np
+
+import pytest
+
+from ros_rig import COMPILING, DEPTH, NodeProcess, PAPER, Rig, ROOT  # first: the ROS domain
 
 PERIOD = 0.1  # s between pairs
 

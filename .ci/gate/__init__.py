@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The gate: do two revisions of the package give the same bytes, and are they as fast?
+The gate: whether two revisions of the package give the same bytes, and which is faster.
 
 Both revisions are compiled and run on the same machine. Stored golden values are not possible:
 the kernels allow the compiler to fuse and to reorder floating-point operations, so the last bits

@@ -91,4 +91,3 @@ def environment(tree, threads, cache):
     path = os.pathsep.join([str(tree.folder), str(Path(__file__).resolve().parents[1])])
     return {**inherited, 'PYTHONPATH': path, 'PYTHONHASHSEED': '0', 'GOMP_SPINCOUNT': '2000',
             'NUMBA_CACHE_DIR': str(cache), 'NUMBA_NUM_THREADS': str(threads)}
-

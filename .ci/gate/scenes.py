@@ -51,7 +51,7 @@ class Scene:
     ball: float = 0.0
     """Radius of a ball that is half sunk into the surface, m."""
     strips: tuple = ()
-    print: float = 0.0
+    print: float = 0.0  # noqa: A003
     """Contrast of what is printed on the surface, 0..1."""
     signal: float = 150.0
     """Of white under full light, DN."""

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The pair of images that is measured for its time: a lit table with objects, of any size.
 
@@ -13,7 +26,7 @@ import math
 import cv2
 import numpy as np
 
-from ..core import Settings, StereoCalibration, make_pattern
+from ..core import make_pattern, Settings, StereoCalibration
 
 VGA = 640, 480
 SEED = 5
@@ -63,6 +76,7 @@ def bench_pair(calibration, seed=SEED):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     seed : int
         Of the noise.
 
@@ -131,8 +145,6 @@ def _seen(disparity, pattern, albedo, sign):
     matte = cv2.remap(albedo, source, np.broadcast_to(row_of, source.shape).copy(),
                       cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[..., None]
     return matte * (SIGNAL * light * (source >= 0)[..., None] + AMBIENT)
-
-
 
 
 def _photograph(camera, light, rng):

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Times of `ColorStereo.process` and of OpenCV's matchers, taken in turn (A B A B ...)."""
 
 from contextlib import ExitStack
@@ -12,8 +25,8 @@ import time
 
 import numpy as np
 
-from ..nodes.live import LiveError
 from .scene import bench_calibration, bench_pair, VGA
+from ..nodes.live import LiveError
 
 HASWELL = {'NUMBA_CPU_NAME': 'haswell', 'NUMBA_CPU_FEATURES': ','.join((
     '+64bit', '+cmov', '+cx8', '+cx16', '+fxsr', '+mmx', '+sse', '+sse2', '+sse3', '+ssse3',
@@ -138,7 +151,9 @@ def interleaved(contenders, rounds, folder, progress=iter):
     Parameters
     ----------
     contenders : list of Contender
+        What is timed in turn.
     rounds : int
+        How often it is done.
     folder : str or Path
         Holds pairs and kernel caches.
     progress : callable

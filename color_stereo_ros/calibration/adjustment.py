@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Joint bundle adjustment of both cameras, with covariance; bad views are named and dropped."""
 
 from dataclasses import dataclass
@@ -6,13 +19,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ..core.cameras.covariance import StereoCovariance
-from ..core.cameras.parameters import StereoParameters
-from ..errors import CalibrationError
 from .board_model import BENDS, BoardModel
 from .least_squares import inverse_information, Problem, UNDETERMINED
 from .starting import first_state, NOT_TOGETHER
 from .views import Corners, SIDES
+from ..core.cameras.covariance import StereoCovariance
+from ..core.cameras.parameters import StereoParameters
+from ..errors import CalibrationError
 
 LEAST_VIEWS = 3        # pairs; fewer cannot determine focal lengths and distortion
 GROSS = 5.0            # sigma: a corner beyond is left out
@@ -87,6 +100,7 @@ def adjust(size, corners, views, distortion_model='plumb_bob', start=None):
     views : list of View
         At least `LEAST_VIEWS` of them seen by both cameras.
     distortion_model : str
+        A name in `lenses.LENSES`.
     start : State, optional
         One pose for each view; without it, a start is found from the views alone.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """How a bent board in known poses appears in both cameras, with all derivatives."""
 
 from dataclasses import dataclass, replace
@@ -37,6 +50,7 @@ class State:
         Parameters
         ----------
         shared : numpy.ndarray, float64, shape (n + 2,)
+            What all views share: lenses, then the bends of the board.
         poses : numpy.ndarray, float64, shape (V, 6)
             Rotation vectors in the left camera, rad, and translations, m.
 
@@ -84,6 +98,7 @@ class BoardModel:
         Parameters
         ----------
         state : State
+            What is estimated.
         side : str
             'left' or 'right'.
         view, ids : numpy.ndarray, int, shape (m,)

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 A board as a PDF at true scale, with rulers to check the print by.
 
@@ -77,6 +90,7 @@ def layout(board, paper):
     Parameters
     ----------
     board : Board
+        The calibration board.
     paper : (float, float)
         Width and height, mm.
 
@@ -127,7 +141,9 @@ def content(board, place, note=''):
     Parameters
     ----------
     board : Board
+        The calibration board.
     place : Layout
+        Where the board lies on the page.
     note : str
         Printed below the ruler.
 
@@ -207,6 +223,7 @@ def pdf(board, paper, note=''):
     Parameters
     ----------
     board : Board
+        The calibration board.
     paper : (float, float)
         Width and height, mm; turned where the board fits better.
     note : str

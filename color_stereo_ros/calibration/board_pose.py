@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The pose of a board before a calibrated pair, from corners in one camera or in both."""
 
 from dataclasses import dataclass
@@ -6,9 +19,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .rigid import moved
 from ..core.cameras.lenses import LENSES
 from ..errors import CalibrationError
-from .rigid import moved
 
 LEAST = 4  # corners; derived: four points of a plane give its pose
 ROUNDS = 30  # of Gauss and Newton, at most; chosen: five suffice from a good start
@@ -49,6 +62,7 @@ def board_pose(calibration, left=None, right=None):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     left, right : Seen or None
         What each camera sees; one of them suffices.
 

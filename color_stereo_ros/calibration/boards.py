@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Calibration boards: their corners, their drawing, and where an image shows them.
 
@@ -12,10 +25,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..core.registry import Registry
-from ..errors import CalibrationError, ImageError
 from . import charuco, chessboard, circles
 from .board_kind import BoardKind, Detection, Drawing
+from ..core.registry import Registry
+from ..errors import CalibrationError, ImageError
 
 __all__ = ['Board', 'BOARDS', 'BoardKind', 'Detection', 'Drawing', 'default_kind']
 
@@ -123,6 +136,7 @@ class Board:
         Parameters
         ----------
         gray : numpy.ndarray, uint8, shape (H, W)
+            The image, gray.
 
         Returns
         -------

@@ -1,16 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Calibration while somebody holds the board: which pose next, and when it is good enough."""
 
 import cv2
 import numpy as np
 
-from ..errors import CalibrationError
 from .adjustment import adjust
 from .gray import gray_of
 from .guidance import Detectable, Guide
 from .shots import check_sizes, detect_shot
 from .still import StillWatch
 from .views import SIDES
+from ..errors import CalibrationError
 
 FIRST = 4  # views with both cameras before poses can be compared
 FIRST_POSES = (
@@ -69,6 +82,7 @@ class Capture:
         Parameters
         ----------
         pair : ImagePair
+            The images of both cameras.
 
         Returns
         -------
@@ -144,7 +158,9 @@ def pose_in_words(advice, board, size):
     Parameters
     ----------
     advice : Advice
+        The pose that tells most.
     board : Board
+        The calibration board.
     size : (int, int)
         Width and height of the images, px.
 
@@ -182,7 +198,9 @@ def picture(images, shot, advice):
     images : (numpy.ndarray, numpy.ndarray)
         uint8 (H, W, 3), RGB.
     shot : Shot
+        What the cameras see.
     advice : Advice or None
+        The pose that tells most; None: not known yet.
 
     Returns
     -------

@@ -1,13 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """ChArUco: a chessboard with a marker in each white square; an image may show a part of it."""
 
 import cv2
 import numpy as np
 
-from ..core.registry import suggestion
-from ..errors import CalibrationError, InstallationError
 from .board_kind import BoardKind, Drawing, LEAST_CORNERS, squares
 from .corners import detection
+from ..core.registry import suggestion
+from ..errors import CalibrationError, InstallationError
 
 NEAR_MARKERS = 5     # that predict a corner; chosen: the four around it and one more
 OUTLIER_SHARE = 0.25  # of the side of a marker, from one homography; leaves room for distortion

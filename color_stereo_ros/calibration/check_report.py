@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The report of a check as a page with pictures."""
 
 from html import escape
@@ -6,12 +19,12 @@ from html import escape
 from matplotlib.figure import Figure
 import numpy as np
 
+from .check_text import TERMS
+from .checking import FAIR, GOOD, NOTE, POOR
 from ..core.false_color import status_picture
 from ..core.legends import with_status_legend
 from ..pages.html import CSS, figure, note, panel, section, table
 from ..pages.plots import as_image, photograph, picture, styled
-from .check_text import TERMS
-from .checking import FAIR, GOOD, NOTE, POOR
 
 KEYS = {GOOD: '#0b7a5b', FAIR: '#d98324', POOR: '#d1495b', NOTE: '#c9ced6'}
 
@@ -23,6 +36,7 @@ def check_page(found, left, right, result, title):
     Parameters
     ----------
     found : Check
+        What the check has found.
     left, right : numpy.ndarray, uint8, shape (H, W, 3)
         The last raw pair, RGB.
     result : RangeResult

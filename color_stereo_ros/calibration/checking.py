@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Check a sensor on a flat board or a sphere bar: figures, a verdict, and what to change.
 
@@ -11,12 +24,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.account import rows_in_words, TUNING
-from ..core.health.tuning import TUNING as HEALTH
-from ..errors import CalibrationError
 from .check_light import light_of
 from .check_shapes import measured_plane, measured_spheres
 from .planning import DISPARITY_STD, ROWS_LIMIT
+from ..core.account import rows_in_words, TUNING
+from ..core.health.tuning import TUNING as HEALTH
+from ..errors import CalibrationError
 
 GOOD, FAIR, POOR, NOTE = 'good', 'fair', 'poor', 'note'
 LEVELS = GOOD, FAIR, POOR
@@ -105,6 +118,7 @@ def check(pairs, results, settings, distance=None, bar=None):
     results : sequence of RangeResult
         What the sensor made of each.
     settings : Settings
+        Of the core.
     distance : float, optional
         True distance of the board from the left camera along the optical axis of the rectified
         camera, m.

@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The chessboard, by OpenCV's detector of 2018 (`findChessboardCornersSB`)."""
 
 import cv2
 import numpy as np
 
-from ..errors import CalibrationError
 from .board_kind import BoardKind, Drawing, squares
 from .corners import detection
+from ..errors import CalibrationError
 
 # None of OpenCV's ways finds all boards; the quick ones come first. The fit checks every corner.
 FINDERS = (
@@ -77,6 +90,7 @@ def oriented(grid, gray):
     grid : numpy.ndarray, float64, shape (R, C, 2)
         Pixels of the inner corners.
     gray : numpy.ndarray, uint8, shape (H, W)
+        The image, gray.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The colors of two cameras from images of a white card under frames of light.
 
@@ -13,9 +26,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .response import fit_response, Response
 from ..core.color_calibration import CameraColor, ColorCalibration, ColorCorrection, linear
 from ..errors import CalibrationError, ImageError
-from .response import fit_response, Response
 
 CHANNELS = 'red', 'green', 'blue'
 FRAMES = 'white', 'black', *CHANNELS, 'mask', 'complement'
@@ -207,6 +220,7 @@ def white_and_field(white, lit):
     white : numpy.ndarray, float64, shape (H, W, 3)
         Linear light above black.
     lit : numpy.ndarray, bool, shape (H, W)
+        Where the projector lights the card.
 
     Returns
     -------
@@ -249,6 +263,7 @@ def crosstalk_of(above, lit):
     above : dict
         Names to float64 (H, W, 3), linear light above black.
     lit : numpy.ndarray, bool, shape (H, W)
+        Where the projector lights the card.
 
     Returns
     -------
@@ -309,6 +324,7 @@ def color_differences(calibration, left, right):
     Parameters
     ----------
     calibration : ColorCalibration
+        Of the colors of both cameras.
     left, right : dict
         As `calibrate_color` takes them.
 

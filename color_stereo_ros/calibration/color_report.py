@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The report of a color calibration as a page with pictures."""
 
 from html import escape
@@ -6,10 +19,10 @@ from html import escape
 from matplotlib.figure import Figure
 import numpy as np
 
+from .color import CHANNELS
 from ..core.color_calibration import linear
 from ..pages.html import CSS, figure, note, section, table
 from ..pages.plots import as_image, as_svg, styled
-from .color import CHANNELS
 
 SIDES = 'left', 'right'
 INKS = '#d1495b', '#0b7a5b', '#2f6db5'
@@ -24,6 +37,7 @@ def color_page(findings, summary, title):
     Parameters
     ----------
     findings : ColorFindings
+        What the calibration of the colors has found.
     summary : str
         The figures as text.
     title : str

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Inner loops of the corner fit: two edges that cross, blurred.
 
@@ -207,6 +220,16 @@ def spread(values, x, y, residual, jacobian, matrix, factor, rows, grid):
 
     Parameters
     ----------
+    values : numpy.ndarray, float64, shape (COUNT,)
+        The fitted model of the corner.
+    x, y, residual : numpy.ndarray, float64, shape (n,)
+        Of the pixels in the window: column, row, seen less expected.
+    jacobian : numpy.ndarray, float64, shape (n, COUNT)
+        Of the model.
+    matrix : numpy.ndarray, float64, shape (COUNT, COUNT)
+        Of the normal equations.
+    factor, rows : numpy.ndarray, float64
+        Room for the solution.
     grid : numpy.ndarray, float64, shape (h + 2 LAG, w + 2 LAG, 2)
         Zero; written.
 
@@ -284,8 +307,12 @@ def window(gray, middle, inverse, black, reach, gap, guard, box, x, y, seen, lev
 
     Parameters
     ----------
+    gray : numpy.ndarray, shape (H, W)
+        The image.
     middle : numpy.ndarray, float64, shape (2,)
         px.
+    inverse, black, reach, gap, guard
+        See `inside`.
     box : (int, int, int, int)
         First and last column + 1, first and last row + 1.
     x, y, seen : numpy.ndarray, float64
@@ -369,11 +396,13 @@ def fit_corners(gray, start, inverse, black, reach, gap, guard, largest, found):
     Parameters
     ----------
     gray : numpy.ndarray, uint8, shape (H, W)
+        The image, gray.
     start : numpy.ndarray, float64, shape (n, 2)
         px.
     inverse : numpy.ndarray, float64, shape (n, 2, 2)
         Squares per px at each corner.
     black : numpy.ndarray, float64, shape (n,)
+        Of each corner, see `inside`.
     reach, gap, guard
         See `inside`.
     largest : int

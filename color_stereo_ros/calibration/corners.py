@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Corners of squares to a few hundredths of a pixel, with their standard deviations."""
 
 import numpy as np
@@ -28,8 +41,11 @@ def detection(board, gray, ids, start, scale, gap=None):
     Parameters
     ----------
     board : Board
+        The calibration board.
     gray : numpy.ndarray, uint8, shape (H, W)
+        The image, gray.
     ids : numpy.ndarray, int64, shape (n,)
+        Of the corners on the board.
     start, scale, gap
         See `refined`.
 
@@ -50,6 +66,7 @@ def refined(gray, start, scale, black, gap=None):
     Parameters
     ----------
     gray : numpy.ndarray, uint8, shape (H, W)
+        The image, gray.
     start : numpy.ndarray, float64, shape (n, 2)
         Rough places, px.
     scale : numpy.ndarray, float64, shape (n, 2, 2)

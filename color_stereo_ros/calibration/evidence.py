@@ -1,17 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What views say about each other: the lens model that predicts best, and halves that agree."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
-from ..core.cameras.lenses import LENSES
-from ..errors import CalibrationError
 from .adjustment import adjust, judged, problem_of
 from .board_model import BoardModel
 from .guidance import grid_of
 from .starting import COEFFICIENTS, state_of
+from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
+from ..core.cameras.lenses import LENSES
+from ..errors import CalibrationError
 
 FOLDS = 3
 """Parts of the views, each of which is predicted by the others; chosen: the usual few."""
@@ -48,6 +61,7 @@ def choose_lens(size, corners, views, models=None):
     corners : numpy.ndarray, float64, shape (N, 3)
         m.
     views : list of View
+        Of the board.
     models : iterable of str, optional
         Default: all of `LENSES`.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Files of flange poses: one line or entry for each view of the board.
 
@@ -19,9 +32,9 @@ import re
 
 import numpy as np
 
+from .rigid import rotations_of
 from ..errors import CalibrationError
 from ..files.yaml import load_yaml, read_text, UnreadableError
-from .rigid import rotations_of
 
 FIELDS = 'x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'
 UNITS = {'m': 1.0, 'mm': 1e-3}
@@ -162,7 +175,9 @@ def matched(names, poses, views):
     Parameters
     ----------
     names : list of (str or None)
+        Of the images; None: the name is not known.
     poses : (R, t)
+        Rotations (n, 3, 3) and translations (n, 3), m.
     views : list of str
         Names of the views of the board, in their order.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """From shots of a board to a calibrated pair: checked, adjusted, judged, written."""
 
 from dataclasses import dataclass
@@ -6,15 +19,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.cameras.lenses import LENSES
-from ..errors import CalibrationError
-from ..files.atomic import write_text, written_whole
 from .adjustment import adjust
 from .evidence import agreement_of_halves, choose_lens
 from .guidance import grid_of
 from .shots import check_sizes, without_blurred
 from .suspicions import check_shots, explain
 from .views import SIDES
+from ..core.cameras.lenses import LENSES
+from ..errors import CalibrationError
+from ..files.atomic import write_text, written_whole
 
 AUTOMATIC = 'automatic'
 """Lens model by evidence."""
@@ -169,7 +182,9 @@ def rectified(camera, pixels):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
     pixels : numpy.ndarray, float64, shape (n, 2)
+        Column and row in the raw image.
 
     Returns
     -------
@@ -188,6 +203,7 @@ def calibrate(board, shots, *, model=AUTOMATIC, distance=None, baseline=None, re
     Parameters
     ----------
     board : Board
+        The calibration board.
     shots : list of Shot
         In the order in which they were taken.
     model : str
@@ -269,7 +285,9 @@ def check_baseline(board, calibration, baseline):
     Parameters
     ----------
     board : Board
+        The calibration board.
     calibration : StereoCalibration
+        Of the two cameras.
     baseline : float or None
         m; None = not measured.
 

@@ -1,16 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Which pose of the board helps most next, and how good the calibration will be with it."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
-from ..core.cameras.lenses import LENSES
 from .board_model import BoardModel, State
 from .least_squares import inverse_information, view_informations
 from .rigid import exp
 from .views import SIDES
+from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
+from ..core.cameras.lenses import LENSES
 
 SHARES = (0.4, 0.6, 0.85, 1.2)
 """Widths of the board in the image, image widths; beyond 1 it reaches past the edges."""
@@ -152,7 +165,7 @@ class Guide:
         self.detectable = detectable or Detectable()
         self.sigma = sigma
 
-    def next(self, parameters, information):
+    def next(self, parameters, information):  # noqa: A003
         """
         Return the next pose.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Hand-eye calibration: where the camera sits on the flange, or beside the robot.
 
@@ -19,10 +32,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import CalibrationError
 from . import hand_eye_causes as causes
 from .hand_eye_start import starts
 from .rigid import inverse, log, moved, product
+from ..errors import CalibrationError
 
 IN_HAND, TO_HAND = 'eye-in-hand', 'eye-to-hand'
 MOUNTINGS = IN_HAND, TO_HAND

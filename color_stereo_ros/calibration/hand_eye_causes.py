@@ -1,13 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Why a hand-eye calibration fails or should be doubted, in sentences for people."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from ..errors import CalibrationError
 from .hand_eye_start import closed_form
 from .rigid import inverse, log, mean_rotation, quaternions_of, rotations_of
+from ..errors import CalibrationError
 
 FARTHEST = 20.0  # m; chosen: no arm reaches farther, and millimeters exceed it
 LEAST_TURN = np.radians(3.0)  # root mean square; chosen: below it X is known to centimeters
@@ -56,7 +69,9 @@ def likely(poses, mounting, fits):
     Parameters
     ----------
     poses : hand_eye.Poses
+        Of flange and board, one of each for a shot.
     mounting : str
+        Where the camera is: on the hand, or beside the robot.
     fits : callable
         Takes poses and a mounting and tells whether they fit.
 

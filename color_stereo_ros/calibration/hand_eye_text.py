@@ -1,11 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A hand-eye calibration as text: for people, as YAML, and as a command that publishes it."""
 
 import numpy as np
 
-from ..files.yaml import yaml_text
 from .hand_eye import as_degrees, as_millimeters
 from .rigid import quaternions_of
+from ..files.yaml import yaml_text
 
 ORDER = 'rotation_x', 'rotation_y', 'rotation_z', 'x', 'y', 'z'
 
@@ -37,6 +50,7 @@ def hand_eye_yaml(found, camera, parent, child, frame):
     Parameters
     ----------
     found : HandEye
+        The estimate and how exact it is.
     camera : (R, t)
         The pose to write.
     parent, child : str
@@ -69,8 +83,8 @@ def hand_eye_yaml(found, camera, parent, child, frame):
 def static_transform(camera, parent, child):
     """Return the command that publishes a pose (R, t) as a static transform."""
     place = ' '.join(f'--{axis} {value:.6f}' for axis, value in zip('xyz', camera[1]))
-    turn = ' '.join(f'--q{axis} {value:.8f}' for axis, value in zip('xyzw',
-                                                                   _quaternion(camera[0])))
+    turn = ' '.join(f'--q{axis} {value:.8f}'
+                    for axis, value in zip('xyzw', _quaternion(camera[0])))
     return (f'ros2 run tf2_ros static_transform_publisher {place} {turn} --frame-id {parent} '
             f'--child-frame-id {child}')
 

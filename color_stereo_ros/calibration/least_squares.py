@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Sparse least squares: what views share, and their poses, by the Schur complement."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import CalibrationError
 from .views import SIDES
+from ..errors import CalibrationError
 
 DAMPING = 1e-4, 1e-12, 1e12
 """Levenberg-Marquardt: first, least and largest; chosen: the usual ones."""
@@ -141,6 +154,7 @@ class Problem:
         Parameters
         ----------
         state : State
+            What is estimated.
         free : numpy.ndarray, bool, shape (n + 2,)
             Which of the shared values are estimated.
 
@@ -184,6 +198,7 @@ class Problem:
         Parameters
         ----------
         state : State
+            What is estimated.
         free : numpy.ndarray, bool, shape (n + 2,)
             Which of the shared values are estimated.
         least_decrease : float

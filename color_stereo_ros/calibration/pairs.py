@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Pairs of image files: which left and which right image belong together, by their names."""
 
 from collections import Counter
@@ -7,9 +20,9 @@ from decimal import Decimal
 from pathlib import Path
 import re
 
+from .views import SIDES
 from ..errors import RecordingError
 from ..files.image import read_image
-from .views import SIDES
 
 SUFFIXES = {'.png', '.jpg', '.jpeg', '.tif', '.tiff', '.bmp', '.webp', '.pgm', '.ppm'}
 _WORD = {side: re.compile(rf'(?<![a-z]){side}|{side}(?![a-z])', re.IGNORECASE) for side in SIDES}
@@ -154,7 +167,7 @@ def _paired_by_number(files):
     """Return (left, right, skew) of files of the same number, or of nearly the same stamp."""
     numbers = {side: sorted((_number(path), path) for path in paths
                             if _number(path) is not None) for side, paths in files.items()}
-    found, rights = [], dict((number, path) for number, path in numbers['right'])
+    found, rights = [], dict(numbers['right'])
     for number, left in numbers['left']:
         reach = TOLERANCE if number >= 10**17 else 0
         near = min(rights, key=lambda other: abs(other - number), default=None)

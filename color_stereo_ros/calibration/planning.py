@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What a rig will measure before it is built: depth error, disparities, common field of view."""
 
 from dataclasses import dataclass
@@ -6,12 +19,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .guidance import Detectable, first_information, grid_of, Guide, Quality
+from .least_squares import inverse_information
 from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
 from ..core.cameras.parameters import StereoParameters
 from ..core.triangulation import disparity_from_depth
 from ..errors import CalibrationError
-from .guidance import Detectable, first_information, grid_of, Guide, Quality
-from .least_squares import inverse_information
 
 COEFFICIENTS = 5     # of the lens that will be calibrated: plumb_bob
 DEPTHS = 25          # at which the plan is computed, near to far
@@ -116,6 +129,7 @@ def plan(rig, corners, views=15, disparity_std=DISPARITY_STD, corner_sigma=0.05,
     Parameters
     ----------
     rig : Rig
+        The cameras that are planned.
     corners : numpy.ndarray, float64, shape (N, 3)
         m, of the board.
     views : int
@@ -125,6 +139,7 @@ def plan(rig, corners, views=15, disparity_std=DISPARITY_STD, corner_sigma=0.05,
     corner_sigma : float
         px, of a corner of the board.
     detectable : Detectable, optional
+        Which views of the board are detected; default: all that lie in the image.
 
     Returns
     -------

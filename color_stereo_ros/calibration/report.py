@@ -1,16 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The report about a calibration: one self-contained HTML page."""
 
 from html import escape
 
 import numpy as np
 
-from .. import __version__
-from ..pages.html import CSS, figure, note, section, table
 from . import report_plots as plots
 from .views import SIDES
+from .. import __version__
+from ..pages.html import CSS, figure, note, section, table
 
-HTML = '''<!DOCTYPE html>
+HTML = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>color_stereo: calibration</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{css}
 section img, section svg {{ max-width: 100%; height: auto; width: auto; }}</style></head>
@@ -18,7 +31,7 @@ section img, section svg {{ max-width: 100%; height: auto; width: auto; }}</styl
 <nav><a href="#summary">Summary</a><a href="#depth">Depth</a><a href="#rows">Rows</a>
 <a href="#residuals">Residuals</a><a href="#coverage">Coverage</a><a href="#views">Views</a>
 <a href="#parameters">Parameters</a></nav></div></header><main>{body}</main></body></html>
-'''
+"""
 SHARES = 0.7, 1.0, 1.4, 2.0   # of the working distance: depths of the maps
 GRID = 33, 25                 # points of a map
 CURVE = np.linspace(0.5, 2.5, 41)  # of the working distance
@@ -32,6 +45,7 @@ def report_page(geometry):
     Parameters
     ----------
     geometry : Geometry
+        The calibration and how exact it is.
 
     Returns
     -------

@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The plots of the report about a calibration, each a self-contained piece of HTML."""
 
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 import numpy as np
 
-from ..pages.plots import as_image, as_svg, plain_numbers, styled
 from .views import SIDES
+from ..pages.plots import as_image, as_svg, plain_numbers, styled
 
 COLORS = dict(zip(SIDES, ('#1f4e8c', '#c8553d')))
 ARROW = 0.06       # of the image's width: the longest arrow of a residual
@@ -111,6 +124,7 @@ def depth_curve_plot(depths, calibration, sigma_px, matching):
     depths, calibration, matching : numpy.ndarray, float64, shape (n,)
         m; mm from the calibration; mm from disparities of `sigma_px`.
     sigma_px : float
+        Standard deviation of a corner, px.
 
     Returns
     -------
@@ -171,6 +185,7 @@ def view_plot(names, rms):
     Parameters
     ----------
     names : sequence of str
+        Of the views.
     rms : numpy.ndarray, float64, shape (n,)
         px.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Pairs of images of a board: what both cameras see of it, and how sharp."""
 
 from collections import Counter
@@ -6,10 +19,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import CalibrationError
 from .edge_width import edge_width
 from .gray import gray_of
 from .views import SIDES, View
+from ..errors import CalibrationError
 
 BLURRED = 2.0   # times the usual width of the edges; chosen: the lens alone changes less
 BLUNT = 4.0     # px: edges that are sharper are never called blurred
@@ -51,7 +64,9 @@ def detect_shot(board, pair):
     Parameters
     ----------
     board : Board
+        The calibration board.
     pair : ImagePair
+        The images of both cameras.
 
     Returns
     -------
@@ -79,6 +94,7 @@ def check_sizes(shots):
     Parameters
     ----------
     shots : list of Shot
+        The views of the board.
 
     Returns
     -------
@@ -118,6 +134,7 @@ def without_blurred(shots):
     Parameters
     ----------
     shots : list of Shot
+        The views of the board.
 
     Returns
     -------

@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """First guesses of cameras and poses, from which the adjustment converges."""
 
 import cv2
 import numpy as np
 
+from .board_model import State
+from .views import SIDES
 from ..core.cameras.lenses import LENSES
 from ..core.cameras.parameters import StereoParameters
 from ..errors import CalibrationError
-from .board_model import State
-from .views import SIDES
 
 FOCAL_LENGTHS = np.geomspace(0.3, 4.0, 10)
 """In widths of the image; chosen: lenses of 14 to 118 degrees."""

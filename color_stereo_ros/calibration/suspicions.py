@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What may be wrong with the views of a pair, found before anything is calibrated.
 
@@ -13,8 +26,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..errors import CalibrationError
 from .views import SIDES
+from ..errors import CalibrationError
 
 LEAST_VIEWS = 4         # with both cameras; chosen: three give no residual worth the name
 LEAST_TILT = 12.0       # degrees between the boards that differ most
@@ -48,6 +61,7 @@ def check_shots(board, shots, size, reopened=None):
     Parameters
     ----------
     board : Board
+        The calibration board.
     shots : list of Shot
         Those without a problem, in the order in which they were taken.
     size : (int, int)
@@ -198,6 +212,7 @@ def spread_of(motions):
     Parameters
     ----------
     motions : list of Motion
+        Between two shots each.
 
     Returns
     -------
@@ -274,6 +289,7 @@ def moved_at(motions, limit):
     Parameters
     ----------
     motions : list of Motion
+        Between two shots each.
     limit : float
         The spread that both parts must stay below.
 

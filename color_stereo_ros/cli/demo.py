@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo demo`: recordings in, range images and point clouds out, over real topics."""
 
 SUMMARY = 'play the sample recordings through both nodes and show what comes out'
@@ -54,10 +67,11 @@ def look_at(sample, port):
 
     from ..demo.layout import RECORDING, SETTINGS
     from ..demo.run import settings_of
+    from ..errors import pip_install
     from ..recordings.reading import Recording
     from .view import recorded, serve
     if find_spec('viser') is None:
-        print("To look at every pixel: pip install '.[view]', then\n"
+        print(f'To look at every pixel: {pip_install("view")}, then\n'
               f'  color_stereo view {sample / RECORDING} --config {sample / SETTINGS}')
         return
     with Recording(sample / RECORDING) as recording:

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo evaluate`: what is measured, how well, beside the paper and beside OpenCV."""
 
 from contextlib import nullcontext
@@ -11,7 +24,7 @@ from ..evaluation.numbers import figure_of, write_json
 from ..files.atomic import check_free
 from ..files.claim import claimed
 
-SUMMARY = 'measure methods against the truth: the paper\'s experiments, or folders with truth'
+SUMMARY = "measure methods against the truth: the paper's experiments, or folders with truth"
 NEEDS = '[tools]; without FOLDER [sim]'
 
 DEFAULT_METHODS = 'surface,paper,bm,sgbm,3way'
@@ -64,7 +77,7 @@ def add_arguments(parser):
                              'or folders of them; without any, the experiments of the paper on '
                              'the simulated rig')
     parser.add_argument('--methods', metavar='A,B',
-                        help=f'methods, separated by commas; bm, sgbm and 3way are OpenCV\'s '
+                        help="methods, separated by commas; bm, sgbm and 3way are OpenCV's "
                              f'(default {DEFAULT_METHODS}; with --stress {STRESS_METHODS})')
     parser.add_argument('--quick', action='store_true',
                         help='fewer and coarser experiments: minutes instead of half an hour')

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The command `color_stereo`: finds its subcommands, runs one, turns known errors into one line.
 
@@ -211,11 +224,10 @@ def _missing_extra(error):
     missing = (error.name or '').partition('.')[0]
     for extra, modules in EXTRAS.items():
         if missing in modules:
+            from ..errors import pip_install
             return (f'this command needs {missing!r}, which is not installed: '
-                    + ('source the setup.bash of ROS 2' if extra == 'ros'
-                       else f'pip install {missing.replace("drjit", "mitsuba")}')
-                    + f", or pip install '.[{extra}]' in the folder of the sources (README, "
-                    'Extras)')
+                    + ('source the setup.bash of ROS 2, or ' if extra == 'ros' else '')
+                    + pip_install(extra))
     raise error
 
 

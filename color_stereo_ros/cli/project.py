@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo project`: the pattern on the display that is the projector."""
 
 SUMMARY = 'show the pattern full-screen, pixel by pixel, from a file or from pattern/image'
@@ -49,10 +62,13 @@ def show_until_the_end(screen, source, newest, response, seconds=None):
     Parameters
     ----------
     screen : Screen
+        The display that is the projector.
     source : FileSource, LevelSource or PatternListener
+        Gives the image to be shown.
     newest : numpy.ndarray or None
         The first image.
     response : ProjectorResponse
+        Of the projector: how light depends on the number that is sent.
     seconds : float, optional
         Time until the end.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo render`: what the two cameras of a simulated rig see, and the truth."""
 
 SUMMARY = 'render a scene as the simulated rig sees it, with its truth'
@@ -119,10 +132,13 @@ def write_folder(output, renderings, scene, pattern, values, overwrite=False):
     renderings : iterable of Rendering
         One: written into OUTPUT. Several: into OUTPUT/0000, OUTPUT/0001 ...
     scene : Scene
+        What was rendered.
     pattern : numpy.ndarray, uint8, shape (H, W, 3)
+        The image that the projector shows, RGB.
     values : dict
         Flat settings that belong to the pattern.
     overwrite : bool
+        Replace what is there.
 
     Raises
     ------

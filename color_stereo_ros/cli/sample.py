@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """`color_stereo sample`: pack a pair of images, its truth and its settings into a sample."""
 
 from ..demo.layout import RECORDING, SETTINGS, TRUTH
@@ -53,6 +66,7 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
     scene : Path
         Folder with left.png right.png left.yaml right.yaml truth.npz.
     output : Path
+        The folder to be written.
     values : dict
         Flat names of settings to values: how this scene is to be measured; they override the
         settings.yaml of the scene.
@@ -61,6 +75,7 @@ def write_sample(scene, output, values, pairs=3, period=0.5, overwrite=False):
     period : float
         s between two pairs.
     overwrite : bool
+        Replace what is there.
 
     """
     import numpy as np

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What is known of the colors of two cameras, and raw images corrected by it.
 
@@ -18,10 +31,10 @@ import math
 import cv2
 import numpy as np
 
+from .color_kernels import correct_colors
 from ..errors import CalibrationError
 from ..files.atomic import write_text
 from ..files.yaml import load_yaml, UnreadableError, yaml_text
-from .color_kernels import correct_colors
 
 FULL_SCALE = 255
 PEDESTAL = 4.0
@@ -175,6 +188,7 @@ class ColorCalibration:
         Parameters
         ----------
         calibration : StereoCalibration
+            Of the two cameras.
 
         Raises
         ------
@@ -225,6 +239,7 @@ def check_color(settings, calibration=None):
     Parameters
     ----------
     settings : Settings
+        Of the core.
     calibration : StereoCalibration, optional
         The cameras, if they are known.
 
@@ -331,6 +346,7 @@ def linear(level, gamma, offset):
     level : numpy.ndarray
         Share of full scale above the dark level; noise below zero stays below zero.
     gamma, offset : float
+        Of the curve of the camera.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The kernel that corrects the colors of a raw image by a color calibration."""
 
 import numpy as np
@@ -15,13 +28,22 @@ def correct_colors(k, image, light, gain, matrix, saturation, pedestal, ceiling,
 
     Parameters
     ----------
+    k : int
+        The band of rows.
     image, out : uint8 (H, W, 3), RGB
-    light : float32 (3, 256), what each number of a channel means in light
+        Raw and corrected colors.
+    light : float32 (3, 256)
+        What each number of a channel means in light.
     gain : float32 (H, W, 3)
-    matrix : float32 (3, 3), to DN of the result
-    saturation : number from which a channel is overexposed; it becomes `saturated`
-    pedestal : result without light, DN, so that noise is not clipped
-    ceiling : largest result of a channel that is not overexposed, DN
+        Of each pixel and channel, 1 where the lens is brightest.
+    matrix : float32 (3, 3)
+        To DN of the result.
+    saturation, saturated : int
+        Number from which a channel is overexposed, and what it becomes.
+    pedestal : float32
+        Result without light, DN, so that noise is not clipped.
+    ceiling : float32
+        Largest result of a channel that is not overexposed, DN.
 
     """
     first, last = band(k, image.shape[0])

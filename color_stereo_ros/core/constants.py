@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Constants that say what they are: value, unit, reason and provenance.
 
@@ -85,11 +98,13 @@ def constant(value, unit, reason, provenance, *, compiled=False, off=None):
     Parameters
     ----------
     value : bool, int, float, str or tuple of them
+        The constant.
     unit : str
         '1' for a number without unit.
     reason : str
         What the constant is there for, one short sentence.
     provenance : Provenance
+        Where the value comes from.
     compiled : bool
         The kernels contain the value: it cannot be replaced at run time.
     off : bool, int or float, optional
@@ -127,6 +142,7 @@ def listed(constants, prefix=''):
     Parameters
     ----------
     constants : Constants
+        Of one stage or method.
     prefix : str
         Put before every name.
 

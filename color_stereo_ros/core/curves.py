@@ -1,9 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What the search for disparities knows of one pixel."""
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from .arrays import Doubles
 
 WINDOW = 8
 """Nodes that a window counts, see `surface/coarse_kernels.sum_window`."""
@@ -15,11 +30,11 @@ DIRECTIONS = 4
 class CostCurve:
     """The costs of one pixel over the disparities that were searched; lower fits better."""
 
-    disparity: np.ndarray
+    disparity: Doubles
     """float64 (D,), px, rising; a step is one node of the coarse grid."""
-    window: np.ndarray
+    window: Doubles
     """float64 (D,), 0 .. 1: how much the colors around the pixel differ, 1 = the cap."""
-    path: np.ndarray
+    path: Doubles
     """
     float64 (D,), 0 = the disparity that the search chose.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What is odd about a stream of pairs, at a bounded cost: for the nodes and for recordings."""
 
 import re
@@ -61,9 +74,11 @@ class Doubts:
         Parameters
         ----------
         stereo : ColorStereo
+            The sensor.
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
             Raw RGB images.
         result : RangeResult
+            Of the pair.
 
         """
         if self._clock() >= self._images_due:

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Several results of a scene that stands still, fused to one by their variances.
 
@@ -11,11 +24,11 @@ accordingly. Only the sums are kept, so the memory does not grow with the number
 import cv2
 import numpy as np
 
-from ..errors import ImageError
 from .results import RangeResult
 from .status import Status
 from .status_codes import VALID
 from .triangulation import depth_from_disparity
+from ..errors import ImageError
 
 _AGREE = np.float32(1.0)
 """px by which values of a pixel may differ: a range is right within 1 px."""
@@ -85,6 +98,7 @@ class Fusion:
         Parameters
         ----------
         result : RangeResult
+            Of the pair.
 
         Raises
         ------

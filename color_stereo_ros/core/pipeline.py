@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The sensor as one object: a calibrated color pair in, a range result out."""
 
 from dataclasses import replace
@@ -8,14 +21,20 @@ from time import perf_counter
 
 import numpy as np
 
-from ..errors import CalibrationError, SettingsError
+from .arrays import Image
+from .cameras.calibration import StereoCalibration
+from .cameras.covariance import StereoCovariance
+from .cameras.geometry import RectifiedPair
 from .cameras.rectification import Rectifier
 from .color_calibration import check_color, ColorCorrection, PEDESTAL, SATURATION_LEVEL
 from .compiled import refuse_after_fork
+from .curves import CostCurve
 from .health.drift import corrected
+from .health.health import Health
 from .health.prior import drift_covariance
 from .health.tracking import HealthTracker
 from .methods import make_method
+from .projector.model import ProjectorModel
 from .projector.patches import Measured
 from .projector.tracking import Given, Track
 from .results import RangeResult
@@ -26,6 +45,7 @@ from .settings import Settings
 from .status_codes import VALID
 from .trackers import is_makable, tracker_of
 from .triangulation import disparity_limits
+from ..errors import CalibrationError, SettingsError
 
 # The kernels own their buffers and numba's threading layers do not all allow parallel calls.
 KERNELS = Lock()
@@ -61,8 +81,9 @@ class ColorStereo:
 
     """
 
-    def __init__(self, calibration, settings=Settings(), *, rectified_input=False,
-                 search_at_once=True, covariance=None):
+    def __init__(self, calibration: StereoCalibration, settings: Settings = Settings(), *,
+                 rectified_input: bool = False, search_at_once: bool = True,
+                 covariance: StereoCovariance | None = None) -> None:
         """Build the maps and warm the kernels."""
         refuse_after_fork()
         if not hasattr(calibration, 'geometry'):
@@ -96,7 +117,7 @@ class ColorStereo:
         settings = self.settings if self._correction is None else colors_corrected(self.settings)
         return make_method(settings, calibration, self._limits, self._rectifier)
 
-    def rectify(self, left, right):
+    def rectify(self, left: Image, right: Image) -> RectifiedPair:
         """
         Rectify one pair of images.
 
@@ -118,7 +139,8 @@ class ColorStereo:
         refuse_after_fork()
         return self._rectifier.rectify(left, right)
 
-    def process(self, left, right, alignment=None, projector=None, health=None):
+    def process(self, left: Image, right: Image, alignment: Alignment | None = None,
+                projector: Track | None = None, health: Health | None = None) -> RangeResult:
         """
         Measure one pair of images.
 
@@ -174,7 +196,7 @@ class ColorStereo:
             return image
         return cache(partial(self._rectifier.rectify_left, left))
 
-    def process_left(self, left, projector=None):
+    def process_left(self, left: Image, projector: Track | None = None) -> RangeResult:
         """
         Measure one image with left camera and projector, without the right camera.
 
@@ -264,7 +286,8 @@ class ColorStereo:
         return self._tracker().finder.left_right_pairs(
             pair.left, pair.right, (pair.left_inside, pair.right_inside))
 
-    def cost_curve(self, left, right, pixel, alignment=None):
+    def cost_curve(self, left: Image, right: Image, pixel: tuple[int, int],
+                   alignment: Alignment | None = None) -> CostCurve | None:
         """
         Search a pair once more, and return what the search knows of one pixel.
 
@@ -296,7 +319,7 @@ class ColorStereo:
             return self._method.curve(*self._corrected(left, right, Stopwatch()), alignment,
                                       pixel)
 
-    def search_rows(self, left, right):
+    def search_rows(self, left: Image, right: Image) -> Alignment:
         """
         Search a pair for the row error of the views, from nothing.
 
@@ -326,32 +349,32 @@ class ColorStereo:
         return resumed(self.alignment, *self._searched(left, right))
 
     @property
-    def alignment(self):
+    def alignment(self) -> Alignment:
         """Return what is known of the rows before the next pair, an Alignment."""
         return self._unknown() if self._alignment is None else self._alignment
 
-    def adopt(self, alignment):
+    def adopt(self, alignment: Alignment | None) -> None:
         """Carry this alignment to the next pair, instead of what the last one showed."""
         with KERNELS:
             self._alignment = alignment
 
     @property
-    def health(self):
+    def health(self) -> Health:
         """Return what is known of the calibration before the next pair, a Health."""
         return self._follower.unknown() if self._health is None else self._health
 
-    def adopt_health(self, health):
+    def adopt_health(self, health: Health | None) -> None:
         """Carry this Health to the next pair, instead of what the last one showed."""
         with KERNELS:
             self._health = health
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget what is known of rows, projector and drift of the cameras."""
         with KERNELS:
             self._alignment = self._projector = self._health = None
 
     @property
-    def may_use_projector(self):
+    def may_use_projector(self) -> bool:
         """Return whether settings, pattern and method allow the projector as a third view."""
         return (getattr(self._method, 'may_use_projector', False)
                 and is_makable(self.settings.pattern))
@@ -360,13 +383,13 @@ class ColorStereo:
         return tracker_of(self.settings.pattern, self.calibration.geometry)
 
     @property
-    def projector(self):
+    def projector(self) -> Track | None:
         """Return what is known of the projector before the next pair, a Track; None: no use."""
         if not self.may_use_projector:
             return None
         return Track() if self._projector is None else self._projector
 
-    def search_projector(self, result):
+    def search_projector(self, result: RangeResult) -> Track:
         """
         Search a pair for the projector, from nothing.
 
@@ -386,12 +409,12 @@ class ColorStereo:
         """
         return self._tracker().search(result.projector, Measured.of(result))
 
-    def adopt_projector(self, track):
+    def adopt_projector(self, track: Track | None) -> None:
         """Carry this Track to the next pair, instead of what the last one showed."""
         with KERNELS:
             self._projector = track
 
-    def use_projector(self, model):
+    def use_projector(self, model: ProjectorModel | None) -> None:
         """
         Take a projector of known geometry as a third view until `reset`; nothing is searched.
 

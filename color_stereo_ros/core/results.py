@@ -1,11 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What a method measures, and the result that users get."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
+from .arrays import Bytes, Floats
 from .cameras.geometry import RectifiedGeometry
 from .health.health import Health
 from .normals import normals_of
@@ -24,17 +39,17 @@ POINT_FIELDS = *NORMALS, 'confidence', 'depth_std'
 class Measurement:
     """What a matching method makes of one pair, in pixels of the rectified left image."""
 
-    disparity: np.ndarray
+    disparity: Floats
     """float32 (H, W), x_left - x_right in px, NaN = unknown."""
-    depth: np.ndarray
+    depth: Floats
     """float32 (H, W), meters along Z of the rectified left camera, NaN = unknown."""
-    confidence: np.ndarray
+    confidence: Floats
     """float32 (H, W), 0..1: the probability of being right within 1 px; 0 = unknown."""
-    status: np.ndarray
+    status: Bytes
     """uint8 (H, W), a `Status` code; 0 exactly where depth is finite."""
-    disparity_std: np.ndarray
+    disparity_std: Floats
     """float32 (H, W), standard deviation of the disparity in px, NaN = unknown."""
-    views: np.ndarray | None = field(default=None, kw_only=True)
+    views: Bytes | None = field(default=None, kw_only=True)
     """
     uint8 (H, W), who saw the place, bits: 1 right camera, 2 projector; 0 without a range.
 
@@ -59,16 +74,16 @@ class Measurement:
 class RangeResult(Measurement):
     """What one pair of images gives, in the frame and pixels of the rectified left camera."""
 
-    image_source: object
+    image_source: Bytes | Callable[[], Bytes]
     """The rectified left image, uint8 (H, W, 3), RGB, or a function that makes it when asked."""
     geometry: RectifiedGeometry
-    disparity_limits: tuple
+    disparity_limits: tuple[float, float]
     """(smallest, largest) disparity searched, px, from range.min_depth and range.max_depth."""
-    seconds: dict = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
     """Duration of each stage, s."""
     planar: bool = field(default=False, kw_only=True)
     """The disparities of 2 x 2 pixels lie on a plane that was fitted to the images."""
-    normals_source: object = field(default=None, kw_only=True)
+    normals_source: Callable[[], Floats] | None = field(default=None, kw_only=True)
     """A function that returns the normals, where they are a part of others; None: computed."""
     health: Health | None = field(default=None, kw_only=True)
     """
@@ -78,23 +93,23 @@ class RangeResult(Measurement):
     """
 
     @cached_property
-    def image(self):
+    def image(self) -> Bytes:
         """Return the rectified left image, uint8 (H, W, 3), RGB."""
         return self.image_source() if callable(self.image_source) else self.image_source
 
     @cached_property
-    def depth_std(self):
+    def depth_std(self) -> Floats:
         """Return the standard deviation of the depth, float32 (H, W), m, NaN = unknown."""
         # Z = f B / (d - d0)  =>  dZ = Z^2 / (f B) dd
         return self.depth * self.depth * self.disparity_std / np.float32(
             self.geometry.focal_baseline)
 
     @property
-    def density(self):
+    def density(self) -> float:
         """Return the share of all pixels that have a range, 0..1."""
         return float(np.count_nonzero(self.status == VALID)) / self.status.size
 
-    def points(self):
+    def points(self) -> Floats:
         """
         Return the points in the rectified left camera.
 
@@ -106,7 +121,7 @@ class RangeResult(Measurement):
         """
         return points_from_depth(self.depth, self.geometry)
 
-    def normals(self):
+    def normals(self) -> Floats:
         """
         Return the unit normals of the surface, which is computed when first asked.
 
@@ -120,7 +135,7 @@ class RangeResult(Measurement):
         return self._normals
 
     @cached_property
-    def _normals(self):
+    def _normals(self) -> Floats:
         if self.normals_source is not None:
             return self.normals_source()
         return normals_of(self.disparity, self.geometry, self.planar)

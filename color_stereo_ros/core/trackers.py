@@ -1,13 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The tracker of the projector for a pattern: made when a pair needs it, kept for others."""
 
 from functools import lru_cache
 
-from ..errors import SettingsError
 from .patterns.making import check_pattern, make_pattern
 from .patterns.registry import PATTERNS
 from .projector.finding import ProjectorFinder
 from .projector.tracking import ProjectorTracker
+from ..errors import SettingsError
 
 
 def is_makable(settings):
@@ -28,7 +41,9 @@ def tracker_of(settings, geometry):
     Parameters
     ----------
     settings : PatternSettings
+        Of the pattern that is projected.
     geometry : RectifiedGeometry
+        Of the rectified pair.
 
     Returns
     -------

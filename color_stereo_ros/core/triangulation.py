@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Disparity, depth and points, and the geometry between them."""
 
 from functools import lru_cache
@@ -18,6 +31,7 @@ def depth_from_disparity(disparity, geometry):
     disparity : numpy.ndarray, float32, shape (H, W)
         x_left - x_right, px; NaN = unknown.
     geometry : RectifiedGeometry
+        Of the rectified pair.
 
     Returns
     -------
@@ -42,7 +56,9 @@ def disparity_limits(geometry, range_settings):
     Parameters
     ----------
     geometry : RectifiedGeometry
+        Of the rectified pair.
     range_settings : RangeSettings
+        The group `range` of the settings.
 
     Returns
     -------
@@ -79,6 +95,7 @@ def points_from_depth(depth, geometry):
     depth : numpy.ndarray, float32, shape (H, W)
         m along Z; NaN = unknown.
     geometry : RectifiedGeometry
+        Of the rectified pair.
 
     Returns
     -------

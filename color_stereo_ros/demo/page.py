@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The pages of `color_stereo demo` and `color_stereo process`.
 
@@ -18,6 +31,7 @@ from string import Template
 import cv2
 import numpy as np
 
+from .plots import error_plot, shaded, surface_plot
 from ..core.account import status_shares
 from ..core.false_color import (
     automatic_limits, false_color, STATUS_COLORS, status_picture, views_picture)
@@ -26,8 +40,7 @@ from ..core.results import RangeResult
 from ..core.settings import Settings
 from ..core.status import Status
 from ..core.surface.third.fusion import PROJECTOR
-from ..evaluation.metrics import Truth, accuracy, false_share
-from .plots import error_plot, shaded, surface_plot
+from ..evaluation.metrics import accuracy, false_share, Truth
 
 DEFAULT_METHOD = Settings().matching.method
 VIEWER_STEP = 2   # px: every second pixel of every second row goes into the 3-D viewer
@@ -72,18 +85,18 @@ class Measurement:
         return np.where(self.truth.visible, error, np.nan)
 
 
-INTRODUCTION = '''<p>A projector throws a color pattern, two color cameras see it, and one pair of
+INTRODUCTION = """<p>A projector throws a color pattern, two color cameras see it, and one pair of
 images gives depth. Everything below went through real ROS 2 topics: <code>pattern_node</code> and
 <code>range_node</code> ran as processes of their own, a recording was played to them, and what
 they published was collected and compared with the truth.</p>
 <p>A pixel is <em>visible</em> if both cameras see its place of the scene and the projector lights
-it. Only there can a range be right.</p>'''
-AGAIN = '''<h2>Do it again</h2>
+it. Only there can a range be right.</p>"""
+AGAIN = """<h2>Do it again</h2>
 <p><code>make demo</code> makes this page. By hand, with ROS 2 or in <code>.venv</code>:</p>
-<pre><code>{}</code></pre>'''
-PAIR_INTRODUCTION = '''<p>A projector throws a color pattern, two color cameras see it, and one
+<pre><code>{}</code></pre>"""
+PAIR_INTRODUCTION = """<p>A projector throws a color pattern, two color cameras see it, and one
 pair of images gives depth. This page shows the pair and what was measured from it. The files
-beside it hold the numbers.</p>'''
+beside it hold the numbers.</p>"""
 
 ROWS = (
     ('method', 'the default is surface; paper is the method of Knoll and Sasse',
@@ -117,6 +130,7 @@ def make_page(measurements, made, commands):
     Parameters
     ----------
     measurements : sequence of Measurement
+        Of the samples.
     made : str
         One sentence on when and where.
     commands : str
@@ -140,6 +154,7 @@ def make_pair_page(names, left, right, result, limits):
     left, right : numpy.ndarray, uint8, shape (H, W, 3)
         The raw images, RGB.
     result : RangeResult
+        Of the pair.
     limits : (float, float)
         Depth of the first and of the last color in meters.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What `color_stereo demo` does: start the nodes, play, collect, compare, write."""
 
 from datetime import datetime
@@ -11,6 +24,10 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 
+from .layout import RECORDING, SETTINGS, TRUTH
+from .page import (DEFAULT_METHOD, depth_preview, make_page, Measurement, one_line, overview,
+                   page_limits)
+from .plots import surface_plot
 from ..core import RangeResult, RecordingError, StereoCalibration
 from ..core.false_color import range_limits
 from ..core.legends import with_scale_bar
@@ -25,15 +42,11 @@ from ..files.image import write_image
 from ..messages.outputs import millimeters
 from ..messages.published import values_of
 from ..messages.reading import image_to_rgb
-from ..nodes.live import Collector, LiveError, Processes, latched, ros_node, spin_until
+from ..nodes.live import Collector, latched, LiveError, Processes, ros_node, spin_until
 from ..nodes.sensor.worker import COMPILING, READY
 from ..parameters.files import read_settings
 from ..parameters.groups import RangeNodeSettings
 from ..recordings.reading import Recording
-from .layout import RECORDING, SETTINGS, TRUTH
-from .page import (DEFAULT_METHOD, depth_preview, make_page, Measurement, one_line, overview,
-                   page_limits)
-from .plots import surface_plot
 
 OUTPUTS = {'depth/image': Image, 'depth/camera_info': CameraInfo, 'points': PointCloud2,
            'disparity': DisparityImage, 'range_image': Image, 'confidence/image': Image,

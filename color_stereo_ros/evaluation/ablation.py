@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What each stage of a method is worth: every switchable setting off, one at a time.
 
@@ -11,10 +24,10 @@ from dataclasses import fields
 
 import numpy as np
 
-from ..core import ColorSettings, MatchingSettings
 from .methods import evaluate, own_settings
 from .renders import default_pattern, paper_pattern
 from .tuned import switched_off
+from ..core import ColorSettings, MatchingSettings
 
 KEYS = ('density', 'mean_percent', 'median_px', 'bad_1', 'false_share', 'milliseconds')
 
@@ -53,6 +66,7 @@ def ablation(scenes, method, progress, repeats=3):
     Parameters
     ----------
     scenes : list of color_stereo_ros.evaluation.datasets.Scene
+        Pairs with their truth.
     method : str
         'surface' or 'paper'.
     progress : callable

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 How exact a calibration from images is: `python -m color_stereo_ros.evaluation.calibration`.
 
@@ -14,6 +27,7 @@ import sys
 
 import numpy as np
 
+from .corners import rig
 from ..calibration.adjustment import adjust
 from ..calibration.boards import Board
 from ..calibration.charuco import is_available
@@ -25,7 +39,6 @@ from ..core.cameras.lenses import LENSES
 from ..core.cameras.parameters import StereoParameters
 from ..sim.boards import board_pair
 from ..sim.geometry import Pose
-from .corners import rig
 
 DISTANCE = 0.35  # m, where depth and rows are asked for
 VIEWS = 15

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 How exact corners of boards are: `python -m color_stereo_ros.evaluation.corners`.
 
@@ -85,6 +98,7 @@ def facing(board, z, tilt=(0.0, 0.0, 0.0), x=0.05, y=0.0):
     Parameters
     ----------
     board : Board
+        The calibration board.
     z : float
         m.
     tilt : (float, float, float)
@@ -123,6 +137,7 @@ def measured(kind, tilts, count, seed=0, width=640, **electronics):
     count : int
         Pairs of views.
     seed : int
+        Of the random numbers.
     width : int
         Columns of the images.
     **electronics

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Pairs with truth: folders of left.png, right.png, left.yaml, right.yaml and truth.npz.
 
@@ -15,13 +28,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from .metrics import Truth
+from .noise_limit import CameraNoise
 from ..core import ColorStereoError, ImageError, RecordingError, Settings, StereoCalibration
 from ..files.atomic import folder_written_whole
 from ..files.image import read_image, write_image
 from ..files.yaml import load_yaml, UnreadableError
 from ..parameters.files import read_settings, settings_text
-from .metrics import Truth
-from .noise_limit import CameraNoise
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +63,7 @@ def load_folder(path, values=None):
     Parameters
     ----------
     path : path-like
+        Of the file.
     values : dict, optional
         Flat settings that override those of the folder, for example `{'range.min_depth': 0.3}`.
 
@@ -136,6 +150,7 @@ def save_folder(scene, path):
     Parameters
     ----------
     scene : Scene
+        A pair with its truth.
     path : path-like
         Folder; appears only when it is complete.
 
@@ -168,6 +183,7 @@ def with_depth_limits(settings, calibration, truth):
     settings : dict
         Flat names to values.
     calibration : color_stereo_ros.core.StereoCalibration
+        Of the two cameras.
     truth : Truth
         The limits are widened until they hold every visible true depth with 5 % to spare.
 
@@ -198,6 +214,7 @@ def depth_limits_of_rig(calibration):
     Parameters
     ----------
     calibration : color_stereo_ros.core.StereoCalibration
+        Of the two cameras.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The experiments of the report: the paper's section 3, complex scenes, sweeps.
 
@@ -11,12 +24,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .methods import evaluate
+from .renders import as_scene, default_pattern, paper_pattern
 from ..core import ColorStereoError, PatternSettings
 from ..core.false_color import false_color
 from ..core.paper.color import ColorCorrection
 from ..core.triangulation import disparity_from_depth
-from .methods import evaluate
-from .renders import as_scene, default_pattern, paper_pattern
 
 TABLE_31 = {250: 1.5, 300: 2.3, 350: 2.0, 400: 1.9, 450: 3.0, 500: 2.6, 550: 4.0}
 """The paper's table 3.1: distance of a white reflector, mm, and mean absolute error, mm."""
@@ -56,7 +69,7 @@ class Plan:
     """Rays per pixel along either axis."""
     distances: tuple = tuple(TABLE_31)
     materials: tuple = tuple(TABLE_32)
-    complex: tuple = COMPLEX
+    complex: tuple = COMPLEX  # noqa: A003
     sweeps: dict = field(default_factory=lambda: {
         name: abscissae for name, (_, _, abscissae) in SWEEPS.items()})
     repeats: int = 3
@@ -226,6 +239,7 @@ class Bench:
         Parameters
         ----------
         pattern : PatternSettings
+            Of the pattern that is projected.
         noise : float
             Multiplies the standard deviations of the cameras' noise.
         brightness : float
@@ -397,6 +411,7 @@ def run_tasks(tasks, progress):
     Parameters
     ----------
     tasks : list of Task
+        What is to be done, independent of each other.
     progress : callable
         Wraps the list for a progress bar, for example `tqdm.tqdm`.
 

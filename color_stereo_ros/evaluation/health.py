@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 How well the drift of knocked cameras is measured and corrected, on light of the stress test.
 
@@ -12,12 +25,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import ColorStereo, Settings
-from ..core.health.drift import corrected, SHOWN
 from .stress.light import LightScenes, SCENES
 from .stress.mounting import Mounting
 from .stress.rig import StressRig
 from .stress.shot import Shots
+from ..core import ColorStereo, Settings
+from ..core.health.drift import corrected, SHOWN
 
 PAIRS = 6         # after a knock; the last one counts
 LARGEST = 0.3     # degrees

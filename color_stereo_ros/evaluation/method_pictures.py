@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The pictures of docs/surface_method.md and docs/third_view.md: what each step writes for one pair.
 
@@ -16,12 +29,12 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 import numpy as np
 
+from .renders import default_pattern, Renders
 from ..core import ColorStereo, PatternSettings, Settings, Status
 from ..core.compiled import Arena
 from ..core.surface.planes import PlaneField
 from ..core.surface.trust_kernels import EVIDENCE
 from ..pages.plots import STYLE
-from .renders import default_pattern, Renders
 
 SCENE = 'solids'
 REPEATING = PatternSettings(type='sine', cycles=16)
@@ -58,6 +71,7 @@ def recorded(scene):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.datasets.Scene
+        A pair with its truth.
 
     Returns
     -------
@@ -290,6 +304,7 @@ def pictures(renders):
     Parameters
     ----------
     renders : Renders
+        Renders the pair, or finds it where it is stored.
 
     Returns
     -------

@@ -1,18 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Run any method on a scene: those of this package and OpenCV's, on the same rectified pair."""
 
 from dataclasses import asdict, dataclass
 import time
 
+from . import opencv_matchers
+from .metrics import measure
+from .noise_limit import compare, measured_noise, noise_limit, Window
+from .tuned import stereo_for
 from ..core import RangeResult, RectifiedPair, Settings, SettingsError
 from ..core.cameras.rectification import Rectifier
 from ..core.methods import METHODS
 from ..core.settings import suggestion
 from ..core.surface.plane_kernels import WIDE_RADIUS
-from . import opencv_matchers
-from .metrics import measure
-from .noise_limit import compare, measured_noise, noise_limit, Window
-from .tuned import stereo_for
 
 
 REPEATS = 3
@@ -63,6 +76,7 @@ def run_method(scene, method, values=None, repeats=REPEATS):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.datasets.Scene
+        A pair with its truth.
     method : str
         One of `known_methods()`.
     values : dict, optional
@@ -136,7 +150,9 @@ def compared_with_noise(run, scene):
     Parameters
     ----------
     run : Run
+        The results of one method.
     scene : color_stereo_ros.evaluation.datasets.Scene
+        A pair with its truth.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The quality of a range image, measured against the truth.
 
@@ -70,7 +83,9 @@ def measure(result, truth):
     Parameters
     ----------
     result : color_stereo_ros.core.RangeResult
+        What was measured.
     truth : Truth
+        The true disparities and who sees them.
 
     Returns
     -------
@@ -311,7 +326,9 @@ def planar_regions(truth, geometry, step=4, tolerance=0.002, smallest=0.005):
     Parameters
     ----------
     truth : Truth
+        The true disparities and who sees them.
     geometry : color_stereo_ros.core.RectifiedGeometry
+        Of the rectified pair.
     step : int
         Reach of the second difference, px.
     tolerance : float
@@ -350,7 +367,9 @@ def depth_edges(truth, geometry, jump=1.5, reach=8):
     Parameters
     ----------
     truth : Truth
+        The true disparities and who sees them.
     geometry : color_stereo_ros.core.RectifiedGeometry
+        Of the rectified pair.
     jump : float
         Difference of disparity between neighbors that counts as an edge, px.
     reach : int

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The smallest standard deviation of the disparity that the noise of a pair of images allows.
 
@@ -24,9 +37,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .metrics import depth_edges, ROBUST_STD, robust_std
 from ..core import SettingsError
 from ..core.triangulation import disparity_from_depth
-from .metrics import ROBUST_STD, depth_edges, robust_std
 
 BAYER_SHARES = (0.25, 0.5, 0.25)
 DEFAULT_WINDOW = 9
@@ -123,9 +136,13 @@ def noise_limit(pair, truth, noise_left, noise_right, window=Window()):
     Parameters
     ----------
     pair : color_stereo_ros.core.RectifiedPair
+        The rectified images.
     truth : color_stereo_ros.evaluation.metrics.Truth
+        The true disparities and who sees them.
     noise_left, noise_right : CameraNoise or MeasuredNoise
+        Of both cameras.
     window : Window
+        That is compared.
 
     Returns
     -------
@@ -222,7 +239,9 @@ def compare(result, truth, limit):
     Parameters
     ----------
     result : color_stereo_ros.core.RangeResult
+        What was measured.
     truth : color_stereo_ros.evaluation.metrics.Truth
+        The true disparities and who sees them.
     limit : numpy.ndarray, shape (H, W)
         Of `noise_limit`.
 
@@ -256,7 +275,9 @@ def measured_noise(pair, truth):
     Parameters
     ----------
     pair : color_stereo_ros.core.RectifiedPair
+        The rectified images.
     truth : color_stereo_ros.evaluation.metrics.Truth
+        The true disparities and who sees them.
 
     Returns
     -------

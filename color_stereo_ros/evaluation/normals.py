@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Angles between measured and true normals, on rendered planes and spheres.
 
@@ -14,9 +27,9 @@ import sys
 import cv2
 import numpy as np
 
+from .renders import default_pattern, Renders
 from ..core import ColorStereo, Settings
 from ..core.triangulation import points_from_depth
-from .renders import default_pattern, Renders
 
 RIGS = {'paper': 0.38, 'effector': 0.5}
 """Rigs and the distance at which their surfaces stand, m."""
@@ -102,6 +115,7 @@ def angles(result, truth):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     truth : numpy.ndarray, shape (H, W, 3)
         True normals, NaN = not judged.
 

@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The plots of the report, each a self-contained piece of HTML."""
 
 from matplotlib.figure import Figure
 import numpy as np
 
+from .experiments import SWEEPS, TABLE_31, TABLE_32
 from ..core.false_color import STATUS_COLORS
 from ..pages.plots import as_image, as_svg, plain_numbers, styled
-from .experiments import SWEEPS, TABLE_31, TABLE_32
 
 COLORS = {'surface': '#0b7a5b', 'paper': '#c8553d', 'bm': '#8a94a6', 'sgbm': '#3d6cb4',
           '3way': '#7a5ab0'}

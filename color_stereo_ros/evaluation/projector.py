@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 How well the projector is found: `python -m color_stereo_ros.evaluation.projector`.
 
@@ -14,11 +27,11 @@ from time import perf_counter
 
 import numpy as np
 
-from ..core import ColorStereo, make_pattern, PatternSettings, Settings
-from ..core.projector import Measured, ProjectorFinder, ProjectorModel
 from .stress.disturbances import DISTURBANCES
 from .stress.light import LightScenes, MAIN, SCENES
 from .stress.shot import Shots
+from ..core import ColorStereo, make_pattern, PatternSettings, Settings
+from ..core.projector import Measured, ProjectorFinder, ProjectorModel
 
 CASES = (('none', 1), ('gamma_both', 2.2), ('projector_gamma', 2.2), ('blur_both', 2),
          ('blur_both', 3), ('jpeg', 60), ('exposure', 0.2), ('crosstalk_both', 0.15),

@@ -1,15 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Pairs from the simulated rig, kept in a folder in the layout of `datasets.load_folder`."""
 
 from dataclasses import replace
 import hashlib
 from pathlib import Path
 
-from ..core import make_pattern, PatternSettings
-from ..core.settings import flat, Settings
 from .datasets import load_folder, save_folder, Scene
 from .metrics import Truth
 from .noise_limit import BAYER_SHARES, CameraNoise
+from ..core import make_pattern, PatternSettings
+from ..core.settings import flat, Settings
 
 FULL_SCALE = 255  # DN
 FORMAT = 2  # raised when the meaning of kept pairs changes
@@ -45,6 +58,7 @@ class Renders:
         name : str
             One of `sim.scene_names()`.
         pattern : PatternSettings
+            Of the pattern that is projected.
 
         Returns
         -------
@@ -77,8 +91,11 @@ def as_scene(scene, rendering, pattern):
     Parameters
     ----------
     scene : color_stereo_ros.sim.Scene
+        What is rendered.
     rendering : color_stereo_ros.sim.Rendering
+        Images and truth of the renderer.
     pattern : PatternSettings
+        Of the pattern that is projected.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The report: one self-contained HTML page for people, and the numbers as JSON."""
 
 from html import escape
@@ -7,16 +20,16 @@ import platform
 import cv2
 import numpy as np
 
-from .. import __version__
-from ..core.false_color import false_color
-from ..files.atomic import write_text
-from ..pages import plots as pictures
-from ..pages.html import CSS, figure, note, panel, section, table
 from . import plots
 from .experiments import ERROR_COLORS, SWEEP_SCENE, SWEEPS, TABLE_31, TABLE_32
 from .numbers import figure_of
 from .opencv_matchers import METHODS as OPENCV
 from .plots import label_of
+from .. import __version__
+from ..core.false_color import false_color
+from ..files.atomic import write_text
+from ..pages import plots as pictures
+from ..pages.html import CSS, figure, note, panel, section, table
 
 COLUMNS = (
     ('density', 'density', '{:.3f}'), ('correct 1 %', 'correct', '{:.3f}'),
@@ -53,6 +66,7 @@ def write_report(path, laboratory, records, facts):
     laboratory : color_stereo_ros.evaluation.experiments.Laboratory
         After its tasks have run: it holds the pictures.
     records : list of dict
+        One for each run.
     facts : dict
         Name to value, printed at the end of the page.
 
@@ -64,7 +78,7 @@ def write_report(path, laboratory, records, facts):
     write_text(path, HTML.format(css=CSS, body='\n'.join(filter(None, sections))))
 
 
-HTML = '''<!DOCTYPE html>
+HTML = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>color_stereo: evaluation</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{css}</style></head>
 <body><header><div><h1>What the colors measure</h1>
@@ -74,7 +88,7 @@ simulated rig with exact truth, every method on the same pairs.</p>
 <a href="#channels">Channels</a><a href="#ridge">Ridge</a><a href="#object">Object</a>
 <a href="#complex">Complex scenes</a><a href="#trust">Trust</a><a href="#sweeps">Sweeps</a></nav>
 </div></header><main>{body}</main></body></html>
-'''
+"""
 
 
 KINDER = (
@@ -171,7 +185,7 @@ class Page:
                  (mixed, 'bad_1', '{:.2%}', 'of them wrong by more than 1 px'),
                  (mixed, 'median_px', '{:.3f} px', 'median error there'),
                  (mixed, 'false_share', '{:.2%}', 'false ranges'))
-        return note(f'{label_of(method)}, with the package\'s own pattern:') + (
+        return note(f"{label_of(method)}, with the package's own pattern:") + (
             '<div class="tiles">' + ''.join(
                 f'<div class="tile"><b>{formatted(average(records, key), form)}</b>'
                 f'<span>{text}</span></div>' for records, key, form, text in tiles) + '</div>')
@@ -309,7 +323,7 @@ class Page:
                 panels += self._scene_panels(pattern, kept)
         heading = escape(name.replace('_', ' '))
         return (f'<details{" open" if name == SWEEP_SCENE else ""}><summary>{heading}</summary>'
-                + note(f'Range maps: {color_bar(*limits)}.') 
+                + note(f'Range maps: {color_bar(*limits)}.')
                 + table(['method', 'pattern', *(title for title, _, _ in COLUMNS)], rows)
                 + f'<div class="gallery">{"".join(panels)}</div></details>')
 

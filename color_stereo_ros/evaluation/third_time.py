@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What the third view costs: pairs with and without it, in turn, in one process.
 
@@ -12,8 +25,8 @@ from collections import defaultdict
 from statistics import mean, median
 from time import perf_counter, process_time
 
-from ..core import ColorStereo, Settings
 from .stress.shot import Shots
+from ..core import ColorStereo, Settings
 
 ROUNDS = 25
 WARM_UP = 3
@@ -33,8 +46,11 @@ def interleaved(scene, rig, rounds=ROUNDS):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.stress.light.LightScene
+        A scene whose light is stored.
     rig : color_stereo_ros.evaluation.stress.disturbances.Rig
+        The cameras and their settings.
     rounds : int
+        How often it is done.
 
     Returns
     -------

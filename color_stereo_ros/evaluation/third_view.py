@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What the projector as a third view adds, on scenes with truth.
 
@@ -14,13 +27,13 @@ from time import process_time
 
 import numpy as np
 
-from ..core import ColorStereo, PatternSettings, Settings
-from ..core.projector.model import COUNT, ProjectorModel
 from . import third_time
 from .metrics import RIGHT, words
 from .stress.disturbances import DISTURBANCES
 from .stress.light import LightScenes, MAIN, SCENES
 from .stress.shot import Shots
+from ..core import ColorStereo, PatternSettings, Settings
+from ..core.projector.model import COUNT, ProjectorModel
 
 COLUMNS = (('cover', '{:.4f}', 1), ('density', '{:.4f}', 1), ('wrong', '{:.2f} %', 100),
            ('false_wrong', '{:.2f} %', 100), ('hi', '{:.2f} %', 100), ('median_px', '{:.4f}', 1),
@@ -36,6 +49,7 @@ def true_projector(rig, shape=None):
     Parameters
     ----------
     rig : color_stereo_ros.sim.rig.Rig
+        The simulated cameras and projector.
     shape : (int, int), optional
         Height and width of the pattern, px; default: that of the default pattern.
 
@@ -88,11 +102,13 @@ def compared(scene, case, exact, seed=1):
     Parameters
     ----------
     scene : color_stereo_ros.evaluation.stress.light.LightScene
+        A scene whose light is stored.
     case : (str, float)
         Disturbance and level.
     exact : bool
         The projector of the simulator; False: the one that is found from the pair.
     seed : int
+        Of the random numbers.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Image files: a damaged one is refused as a whole, with the reason; none is half written."""
 
 from contextlib import contextmanager
@@ -10,8 +23,8 @@ import tempfile
 
 import numpy as np
 
-from ..errors import ImageError, RecordingError
 from .atomic import write_bytes
+from ..errors import ImageError, RecordingError
 
 HALF_READ = ('premature', 'corrupt')
 """Words by which a decoder tells that it has filled up what the file does not hold."""
@@ -28,6 +41,7 @@ def read_image(path):
     Parameters
     ----------
     path : path-like
+        Of the file.
 
     Returns
     -------
@@ -57,6 +71,7 @@ def read_image_as_is(path, flags=-1):
     Parameters
     ----------
     path : path-like
+        Of the file.
     flags : int
         Of cv2.imdecode; the default is cv2.IMREAD_UNCHANGED. Tags that say how the camera was
         held are ignored in any case.
@@ -147,6 +162,7 @@ def write_image(path, image, **options):
     Parameters
     ----------
     path : str or Path
+        Of the file or folder.
     image : numpy.ndarray, shape (H, W) or (H, W, 3)
         Colors in RGB.
     options

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Read YAML files; what goes wrong is said in one line and without the words of programmers."""
 
 from pathlib import Path
@@ -80,6 +93,7 @@ def load_yaml(path):
     Parameters
     ----------
     path : path-like
+        Of the file.
 
     Raises
     ------
@@ -113,6 +127,7 @@ def parse_yaml(text):
     Parameters
     ----------
     text : str
+        The content of a file.
 
     Raises
     ------
@@ -140,7 +155,7 @@ def parse_documents(text):
     except yaml.YAMLError as error:
         raise UnreadableError(f'is no YAML{_place(error)}') from error
     except IMPOSSIBLE as error:
-        raise UnreadableError(f'is no YAML: it holds an impossible number or date') from error
+        raise UnreadableError('is no YAML: it holds an impossible number or date') from error
     return [content for content in contents if content is not None]
 
 

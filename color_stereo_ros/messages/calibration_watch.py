@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What the CameraInfo of both cameras is worth, now."""
 
 import time
 
+from .synchronizer import SIDES
 from ..core.cameras.calibration import StereoCalibration
 from ..core.cameras.checks import check_rotation
 from ..errors import brief, CalibrationError
-from .synchronizer import SIDES
 
 _SETTLING = 0.5
 """After a change on one side the other one is waited for this long, s: both may change."""
@@ -115,7 +128,9 @@ def check_use(calibration, settings):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     settings : RangeNodeSettings
+        All parameters of range_node.
 
     Raises
     ------

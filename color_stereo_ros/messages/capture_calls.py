@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Which pair answers a call of ~/capture: one that is exposed after the call.
 
@@ -213,6 +226,7 @@ class CaptureCalls:
         Parameters
         ----------
         call : Call
+            Of the service.
         held : bool
             A capture of several pairs is under way: no pair answers the call yet.
 
@@ -239,6 +253,7 @@ class CaptureCalls:
         Parameters
         ----------
         arrival : Arrival
+            The pair and when it came.
         held : bool
             It belongs to a capture of several pairs: it answers no call.
 

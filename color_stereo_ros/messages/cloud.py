@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The points of a result as the content of a sensor_msgs/PointCloud2."""
 
 import numpy as np
 
-from ..core.results import NORMALS
-from ..core.triangulation import rays
 from .cloud_kernels import fill_points, join_fields, turn_vectors
 from .contents import new_memory, PointCloud2, PointField
+from ..core.results import NORMALS
+from ..core.triangulation import rays
 
 POINT_STEP = 16
 """Bytes of a point without optional fields: x, y, z (float32, m) and rgb (0x00RRGGBB)."""
@@ -21,7 +34,9 @@ def cloud(result, header, *, compact=False, rotation=None, memory=new_memory, fi
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     header : Header
+        Stamp and frame of the message.
     compact : bool
         False: organized H x W, NaN = unknown. True: one row of the known points only.
     rotation : numpy.ndarray, shape (3, 3), optional

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What a message holds, as plain data whose field names are those of the ROS message.
 
@@ -13,8 +26,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ImageError
 from .encodings import WRITTEN
+from ..errors import ImageError
 
 
 @dataclass(frozen=True)
@@ -161,7 +174,7 @@ class CompressedImage:
     TYPE = 'sensor_msgs/msg/CompressedImage'
 
     header: Header
-    format: str
+    format: str  # noqa: A003
     """What the bytes are, in the words of image_transport."""
     data: object
     """Bytes, as of an Image."""
@@ -278,6 +291,7 @@ def image(pixels, encoding, header):
     encoding : str
         One of `encodings.WRITTEN`.
     header : Header
+        Stamp and frame of the message.
 
     Returns
     -------
@@ -306,7 +320,9 @@ def camera_info(camera, header):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
     header : Header
+        Stamp and frame of the message.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 JPEG and PNG messages to images, as image_transport's subscribers read them.
 
@@ -15,11 +28,11 @@ import sys
 import cv2
 import numpy as np
 
-from ..errors import brief, ImageError
-from ..files.image import is_cut_off_jpeg
 from .contents import Image
 from .encodings import BAYER, COLORS
 from .reading import MAX_SIDE
+from ..errors import brief, ImageError
+from ..files.image import is_cut_off_jpeg
 
 _JPEG, _PNG, _PNG_END = b'\xff\xd8', b'\x89PNG\r\n\x1a\n', b'IEND'
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # start-of-frame markers of a JPEG

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The names of the physical and the rectified left camera, and the rotation between them."""
 
 from dataclasses import dataclass
@@ -6,9 +19,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .contents import (Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3)
 from ..core.cameras.checks import check_rotation
 from ..errors import CalibrationError
-from .contents import (Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3)
 
 TOPIC = '/tf_static'
 ENDING, MARK = '_optical_frame', '_rectified'
@@ -103,6 +116,7 @@ def frames_of(frame_id, calibration, settings):
     frame_id : str
         Of the left image.
     calibration : StereoCalibration
+        Of the two cameras.
     settings : OutputSettings
         `frame_id` is the name of the rectified camera; empty = made from that of the image where
         R turns the camera by more than SAME.

@@ -1,15 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The health of the calibration as a message, and the numbers of the drift from such a message."""
 
 import numpy as np
 
+from .contents import DiagnosticArray, DiagnosticStatus, KeyValue
 from ..core.cameras.covariance import check_hashes, hashes_of
 from ..core.cameras.parameters import SIDES
 from ..core.health.drift import corrected, COUNT, NAMES, SHOWN, UNITS
 from ..core.health.posterior import KnownDrift
 from ..errors import CalibrationError
 from ..files.yaml import load_yaml, UnreadableError
-from .contents import DiagnosticArray, DiagnosticStatus, KeyValue
 
 TOPIC = 'calibration_health'
 VALUE, SPREAD = '{} ({})', '{}, standard deviation ({})'
@@ -30,6 +43,7 @@ def health_values(health):
     Parameters
     ----------
     health : Health
+        What is known of the drift.
 
     Returns
     -------
@@ -64,6 +78,7 @@ def health_message(health, name, header, calibration=None, suggested=None):
     name : str
         Of the status.
     header : Header
+        Stamp and frame of the message.
     calibration : StereoCalibration, optional
         That the drift refers to; its hash is told.
     suggested : StereoCalibration, optional

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The output topics of range_node: what each holds, and how it follows from a result.
 
@@ -13,10 +26,6 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..core.cameras.calibration import CameraModel
-from ..core.false_color import false_color, range_limits, status_picture
-from ..core.legends import with_status_legend
-from ..core.registry import Registry
 from .cloud import cloud
 from .compressing import compressed_depth, jpeg
 from .contents import (camera_info, CameraInfo, CompressedImage, DiagnosticArray, DisparityImage,
@@ -24,6 +33,10 @@ from .contents import (camera_info, CameraInfo, CompressedImage, DiagnosticArray
 from .disparity import disparity
 from .frames import frames_of
 from .health import health_message, suggestion, TOPIC as HEALTH
+from ..core.cameras.calibration import CameraModel
+from ..core.false_color import false_color, range_limits, status_picture
+from ..core.legends import with_status_legend
+from ..core.registry import Registry
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +66,9 @@ class Context:
         header : Header
             Of the left image.
         settings : RangeNodeSettings
+            All parameters of range_node.
         calibration : StereoCalibration
+            Of the two cameras.
 
         Returns
         -------
@@ -85,7 +100,7 @@ class Context:
 class Output:
     """One output topic."""
 
-    type: str
+    type: str  # noqa: A003
     """Of its messages, for example sensor_msgs/msg/Image."""
     description: str
     """Encoding, unit, the value that means unknown."""
@@ -108,6 +123,7 @@ def output(topic, content_type, description):
     content_type : type
         The class of `contents` that the function returns.
     description : str
+        One sentence for the documentation.
 
     """
     def register(function):

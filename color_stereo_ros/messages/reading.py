@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Messages to arrays: steps, byte order and serialized images.
 
@@ -12,9 +25,9 @@ import struct
 import cv2
 import numpy as np
 
-from ..errors import ImageError
 from .contents import CompressedImage, Header, Image, Time
 from .encodings import complaint, conversion, MONO, PLAIN, READ
+from ..errors import ImageError
 
 _MIN_BAYER_SIZE = 3
 MAX_SIDE = 32767
@@ -76,6 +89,7 @@ def check_image(msg):
     Parameters
     ----------
     msg : sensor_msgs.msg.Image
+        As it was received.
 
     Returns
     -------

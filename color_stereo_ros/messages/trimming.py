@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The part of a result that is published: a box cut out, every second or fourth pixel."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from ..core.status import Status
-from ..core.triangulation import rays
 from .cloud import single
 from .cloud_kernels import find_outside
+from ..core.status import Status
+from ..core.triangulation import rays
 
 
 def trimmed(result, context):
@@ -26,7 +39,9 @@ def trimmed(result, context):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     context : Context
+        What the outputs of a pair share.
 
     Returns
     -------
@@ -47,6 +62,7 @@ def cropped(result, box, rotation=None):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     box : sequence
         Smallest and largest x, y and z, m; both belong to the box.
     rotation : numpy.ndarray, shape (3, 3), optional
@@ -86,6 +102,7 @@ def decimated(result, step):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     step : int
         A power of two, so that quotients are exact.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What launch files start that ROS 2 brings along: RViz and the player of recordings.
 
@@ -7,6 +20,7 @@ These programs know better, and then become the other program: signals reach it.
 
 """
 
+from importlib.util import find_spec
 import os
 import shlex
 import shutil
@@ -56,6 +70,10 @@ def play_recording(args=None):
     if program is None:
         print('ros2 is not on the PATH: source the setup.bash of ROS 2, or use `color_stereo '
               'replay`, which needs none', file=sys.stderr)
+        return 1
+    if find_spec('ros2bag') is None:
+        print('`ros2 bag` is not installed (ros-jazzy-ros2bag, ros-jazzy-rosbag2-storage-mcap): '
+              'install it, or use `color_stereo replay`, which needs none', file=sys.stderr)
         return 1
     return _become(program, [*PLAYER, *options, recording])
 

@@ -1,11 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The frames of pattern_node, shown one after the other, as two live cameras see them."""
 
 import time
 
-from ..calibration.color import FRAMES
 from .live import LiveError
 from .live_pairs import live_pairs
+from ..calibration.color import FRAMES
 
 FRAME = 'pattern.frame'
 PATIENCE = 10.0  # s for an answer of pattern_node
@@ -19,6 +32,7 @@ def take_frames(stream, pattern_node, topics, compressed, say):
     Parameters
     ----------
     stream : FrameStream
+        Takes the frames.
     pattern_node : str
         Name of the pattern_node, with its namespace.
     topics : (str, str)

@@ -1,15 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The pairs of images of two live cameras, for commands that look at them one by one."""
 
 from contextlib import contextmanager
 from functools import partial
 import threading
 
+from .live import ros_node
 from ..errors import ImageError
 from ..messages.pairs import rgb_pair
 from ..messages.reading import read_compressed_image, read_image, stamp_ns
 from ..messages.synchronizer import LatestSlot, SIDES, Synchronizer
-from .live import ros_node
 
 LOOK = 0.5      # s between two looks at what is wrong
 PATIENCE = 5.0  # s without a pair before somebody is told why
@@ -111,7 +124,9 @@ def live_pairs(topics, compressed=False, name='calibrate_geometry'):
     Parameters
     ----------
     topics : (str, str)
+        Of the left and the right images.
     compressed : bool
+        The images are JPEG or PNG.
     name : str
         Of the node.
 

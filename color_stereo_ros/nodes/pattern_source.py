@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The pattern that pattern_node shows, and the description by which range_node knows it."""
 
 from dataclasses import asdict, replace
@@ -18,6 +31,8 @@ from sensor_msgs.msg import Image
 
 from std_msgs.msg import String
 
+from .filling import message_of
+from .parameters import NodeParameters, Reloadable
 from ..core.patterns.frames import make_frame, PATTERN
 from ..core.patterns.making import check_pattern
 from ..errors import bounded, ColorStereoError
@@ -25,8 +40,6 @@ from ..messages.contents import Header, image, new_memory
 from ..messages.projector import FRAME
 from ..messages.synchronizer import LatestSlot
 from ..parameters.groups import PatternNodeSettings
-from .filling import message_of
-from .parameters import NodeParameters, Reloadable
 
 _LARGE = 4_000_000  # px; making so many takes a noticeable time
 _PATIENCE = 0.2
@@ -56,6 +69,7 @@ def serialized(content):
     Parameters
     ----------
     content : messages.contents.Image
+        What is to be sent.
 
     Returns
     -------

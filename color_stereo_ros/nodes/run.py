@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Start a node, let it run, and leave with status 0 when asked to."""
 
 import os
@@ -7,9 +20,9 @@ import sys
 import threading
 import traceback
 
-from ..errors import InstallationError
 from . import usage as help_text
 from .environment import prepare
+from ..errors import InstallationError, pip_install
 
 _POLL = 0.1
 """s until a signal is noticed by an idle node."""
@@ -56,7 +69,7 @@ def _what_to_install(error):
     if (error.name or '').partition('.')[0] != 'rclpy':
         raise error
     return ('rclpy is not installed, but the nodes need ROS 2: source the setup.bash of ROS 2, or '
-            'install the extra [ros] of color_stereo_ros (README, Extras)')
+            + pip_install('ros'))
 
 
 def _run_until_signal(make_node, args):

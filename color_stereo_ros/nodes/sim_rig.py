@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The simulated rig as a node: pattern/image in, the raw images of both cameras out.
 
@@ -19,6 +32,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo, Image
 
+from .filling import message_of
+from .parameters import NodeParameters, Reloadable
+from .pattern_source import latched
 from ..errors import brief, ColorStereoError, SettingsError
 from ..messages.contents import camera_info, Header, image
 from ..messages.reading import image_to_rgb
@@ -26,9 +42,6 @@ from ..messages.synchronizer import LatestSlot
 from ..parameters.groups import SimRigSettings
 from ..sim import load_scene, Renderer
 from ..sim.electronics import expose, exposures_for
-from .filling import message_of
-from .parameters import NodeParameters, Reloadable
-from .pattern_source import latched
 
 PATIENCE = 2.0  # s that the end of the node waits for the renderer
 

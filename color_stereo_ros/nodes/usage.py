@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What `--help` of a node prints: its topics, services and parameters; no node is started."""
 
 from dataclasses import dataclass
@@ -41,8 +54,9 @@ class Usage:
 def _entry(head, meaning, width):
     """Return the lines of one entry."""
     head = textwrap.wrap(head, width, initial_indent='  ', subsequent_indent=' ' * 2 * _INDENT)
-    return [*head, *textwrap.wrap(meaning, width, initial_indent=' ' * _INDENT,
-                                        subsequent_indent=' ' * _INDENT)]
+    indent = ' ' * _INDENT
+    return [*head, *textwrap.wrap(meaning, width, initial_indent=indent,
+                                  subsequent_indent=indent)]
 
 
 def _parameters(settings, width):

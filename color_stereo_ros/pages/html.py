@@ -1,9 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The pieces of a self-contained HTML page: its style, sections, figures and tables."""
 
 from html import escape
 
-CSS = '''
+CSS = """
 :root { --ink: #1c2330; --soft: #5b6472; --line: #e3e6eb; --paper: #ffffff; --tint: #f6f7f9;
         --good: #0b7a5b; }
 * { box-sizing: border-box; }
@@ -49,7 +62,7 @@ summary { cursor: pointer; font-weight: 600; }
 .bar { display: inline-block; width: 130px; height: 11px; border-radius: 3px; margin: 0 5px;
        vertical-align: -1px; }
 code { background: #eef0f4; border-radius: 4px; padding: 1px 5px; font-size: 90%; }
-'''
+"""
 
 
 def section(anchor, title, body):

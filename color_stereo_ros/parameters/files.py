@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Settings in YAML files: the parameter files of the nodes, and the same groups without a head."""
 
 from pathlib import Path
@@ -6,11 +19,11 @@ import sys
 
 import yaml
 
+from .groups import PatternNodeSettings, RangeNodeSettings
 from ..core.settings import checked_value, described, flat, Settings, suggestion
 from ..errors import SettingsError
 from ..files.atomic import write_text
 from ..files.yaml import load_yaml, UnreadableError
-from .groups import PatternNodeSettings, RangeNodeSettings
 
 SENSORS = ('range_node', 'lifecycle_range_node')
 """Nodes whose parameters the settings of the core belong to."""
@@ -160,7 +173,9 @@ def parameter_file(node_name, settings):
     Parameters
     ----------
     node_name : str
+        The name at the top of the file.
     settings : RangeNodeSettings or PatternNodeSettings
+        The values that are written.
 
     """
     lines = [f'/**/{node_name}:', '  ros__parameters:']  # in any namespace

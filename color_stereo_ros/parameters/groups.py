@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The settings that the nodes have beside those of the core, and all parameters of each node."""
 
 from dataclasses import dataclass, fields
@@ -174,7 +187,7 @@ class MeasuringSettings:
     pattern: PatternSettings = Settings().pattern
     color: Group = Settings().color
     matching: Group = Settings().matching
-    range: Group = Settings().range
+    range: Group = Settings().range  # noqa: A003
     health: Group = Settings().health
 
     @property
@@ -188,7 +201,7 @@ class MeasuringSettings:
 class RangeNodeSettings(MeasuringSettings):
     """All parameters of range_node."""
 
-    input: InputSettings = InputSettings()
+    input: InputSettings = InputSettings()  # noqa: A003
     output: OutputSettings = OutputSettings()
     sync: SyncSettings = SyncSettings()
     capture: CaptureSettings = CaptureSettings()

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A recording of pairs in, a recording of outputs out."""
 
 from dataclasses import dataclass
@@ -6,16 +19,16 @@ from pathlib import Path
 import re
 from uuid import uuid4
 
-from .. import __version__
-from ..core.settings import flat, updated
-from ..errors import RecordingError
-from ..parameters.files import settings_text
 from .engine import run_tasks
 from .parts import Parts
 from .refusals import TOLD
 from .tasks import pairs_per_task, readable_plan, tasks_of
 from .working import Run
 from .writing import check_writable
+from .. import __version__
+from ..core.settings import flat, updated
+from ..errors import RecordingError
+from ..parameters.files import settings_text
 
 FILES = 'color.calibration', 'health.covariance'
 """Settings that name files: a worker may have another working folder."""

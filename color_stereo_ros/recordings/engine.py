@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Who measures the tasks of a conversion: this process, processes of this machine, or a cluster.
 
@@ -10,9 +23,9 @@ other, and gives the task of a process that was killed to another one.
 from contextlib import contextmanager
 import logging
 
+from .working import forget_runs, measure_task
 from ..core.compiled import one_thread
 from ..errors import RecordingError
-from .working import forget_runs, measure_task
 
 DEATHS = 10
 """Processes that may be killed over one task; chosen: a machine in trouble, not the task."""
@@ -35,7 +48,9 @@ def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda count: None):
     Parameters
     ----------
     run : Run
+        The results of one method.
     tasks : list of Task
+        What is to be done, independent of each other.
     workers : int
         Processes on this machine; 1 or a single task: this process measures.
     scheduler : str, optional

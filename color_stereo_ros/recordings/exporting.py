@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A recording of pairs in, files for other programs out."""
 
 from collections import Counter
@@ -9,17 +22,17 @@ import re
 
 import numpy as np
 
+from .carrying import TaskStereo
+from .measuring import PairSensor
+from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS, Shot
+from .reading import seconds
+from .tasks import pairs_per_task, readable_plan, tasks_of
 from ..errors import RecordingError, SettingsError
 from ..files.claim import claimed
 from ..files.film import film
 from ..messages.contents import Header
 from ..messages.outputs import Context
 from ..messages.trimming import trimmed
-from .carrying import TaskStereo
-from .measuring import PairSensor
-from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS, Shot
-from .reading import seconds
-from .tasks import pairs_per_task, readable_plan, tasks_of
 
 FRAMES = re.compile(r'-?\d+|(-?\d+)?:(-?\d+)?(:\d+)?')
 SLOWEST, FASTEST = 0.1, 120.0

@@ -1,9 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The frames of pattern_node in a recording, as the cameras saw them."""
 
+from .pairs import pairs_of
 from ..errors import ImageError, RecordingError
 from ..messages.pairs import rgb_pair
-from .pairs import pairs_of
 
 INFO = 'pattern/info'
 NANOSECONDS = 1e9
@@ -19,7 +32,9 @@ def read_recorded_frames(recording, stream, left, right, info, say):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     stream : FrameStream
+        Takes the frames.
     left, right, info : str
         Topics of the images and of pattern/info.
     say : callable

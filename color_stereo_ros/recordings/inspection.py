@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What a recording holds, and whether it can be measured: a look that takes seconds.
 
@@ -12,6 +25,10 @@ import shlex
 
 import numpy as np
 
+from .measuring import make_stereo
+from .salvage import is_salvageable
+from .sampling import Sampler, size_of
+from .topics import guessed_pairs, NOTHING_NAMED, OPTIONS
 from ..core.account import (are_gray, doubts_about_images, doubts_about_result, exposure_of, FEW,
                             main_reason, status_shares)
 from ..core.patterns.frames import PATTERN
@@ -19,10 +36,6 @@ from ..core.patterns.seen import pattern_seen
 from ..core.settings import flat, PatternSettings, updated
 from ..errors import brief, ColorStereoError, RecordingError
 from ..messages.pairs import rgb_pair
-from .measuring import make_stereo
-from .sampling import Sampler, size_of
-from .salvage import is_salvageable
-from .topics import guessed_pairs, NOTHING_NAMED, OPTIONS
 
 INFO, IMAGE = 'pattern/info', 'pattern/image'
 """Topics of pattern_node, without namespace."""

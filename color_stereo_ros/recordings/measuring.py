@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 What `range_node` does with a pair, for the pairs of a recording, without ROS.
 
@@ -7,6 +20,8 @@ the same values.
 
 """
 
+from .reading import seconds
+from .refusals import TOLD
 from ..core import ColorStereo, ColorStereoError, ImageError
 from ..core.doubts import Doubts
 from ..messages.contents import Header
@@ -19,8 +34,6 @@ from ..messages.significant_bits import SignificantBits
 from ..messages.synchronizer import Pair
 from ..messages.trimming import trimmed
 from ..patience import patience
-from .reading import seconds
-from .refusals import TOLD
 
 DEFAULT_TOPICS = 'points', 'depth/image', 'depth/camera_info'
 VIEWS = 'views/image'
@@ -69,7 +82,9 @@ class PairSensor:
         Parameters
         ----------
         stereo : ColorStereo
+            The sensor.
         pair : FoundPair
+            Where the pair lies in the recording.
 
         Returns
         -------

@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The moments of a recording at which a robot stands still, with image pairs and its pose."""
 
 import numpy as np
 
-from ..errors import ImageError, RecordingError
-from ..messages.pairs import rgb_pair
 from .pairs import pairs_of
 from .transforms import Transforms
+from ..errors import ImageError, RecordingError
+from ..messages.pairs import rgb_pair
 
 STILL_MOVE, STILL_TURN = 2e-4, 1e-3  # m, rad; chosen: twice the noise of a good robot
 SPAN = 150_000_000  # ns before and after the exposure; chosen: a robot that stops oscillates

@@ -1,16 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Which messages of a recording belong together: pairs as `range_node` makes them."""
 
 from collections import Counter, deque
 from dataclasses import dataclass
 
+from .refusals import Refusals
+from .times import OutputTimes
 from ..errors import RecordingError
 from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import CompressedImage, Image
 from ..messages.reading import stamp_ns
 from ..messages.synchronizer import Synchronizer
-from .refusals import Refusals
-from .times import OutputTimes
 
 WAITING = 50
 """Pairs that wait for a calibration; older ones are given up."""

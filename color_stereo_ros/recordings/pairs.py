@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The pairs of images in a recording, whether its cameras are calibrated or not."""
 
 from ..errors import ImageError, RecordingError
@@ -16,6 +29,7 @@ def pairs_of(recording, left, right, say, others=None):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     left, right : str
         Topics of the images, raw or compressed.
     say : callable
@@ -53,6 +67,7 @@ def recorded_pairs(recording, left, right, say):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     left, right : str
         Topics of the images, raw or compressed.
     say : callable

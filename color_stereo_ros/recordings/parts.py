@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The parts of a conversion: kept until all are there, then joined to one recording.
 
@@ -14,11 +27,11 @@ import shutil
 
 import yaml
 
+from .working import ACCOUNT, calibration_names, part_name, read_account, SETTINGS
 from ..errors import RecordingError
 from ..files.atomic import folder_written_whole, write_text
 from ..files.claim import held
 from ..files.yaml import yaml_text
-from .working import ACCOUNT, calibration_names, part_name, read_account, SETTINGS
 
 RUN = 'run.yaml'
 METADATA = 'metadata.yaml'
@@ -119,6 +132,7 @@ class Parts:
         Parameters
         ----------
         count : int
+            Number of the parts.
         overwrite : bool
             Replace a recording that is there.
 

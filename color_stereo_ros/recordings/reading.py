@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Read recordings: rosbag2 folders, single files and ROS 1 bags, without ROS.
 
@@ -14,11 +27,11 @@ import re
 
 import numpy as np
 
-from ..errors import RecordingError
 from .salvage import is_salvageable, SalvagedMcap
 from .sources import opened
 from .topics import NOTHING_NAMED, stereo_topics
 from .types import typestore
+from ..errors import RecordingError
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +39,7 @@ class RecordedMessage:
     """One message of a recording, still serialized."""
 
     topic: str
-    type: str
+    type: str  # noqa: A003
     """For example sensor_msgs/msg/Image."""
     time_ns: int
     """When it was recorded, ns."""
@@ -197,6 +210,7 @@ def open_readable(path, say):
     Parameters
     ----------
     path : str or Path
+        Of the file or folder.
     say : callable
         Called with a sentence about what is lost.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 A look at a few places of a recording: how its images pair up, and what its camera_infos are worth.
 
@@ -11,12 +24,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .refusals import Refusals
 from ..errors import RecordingError
 from ..messages.calibration_watch import CalibrationWatch, check_use
 from ..messages.contents import CameraInfo
 from ..messages.reading import stamp_ns
 from ..messages.synchronizer import Synchronizer
-from .refusals import Refusals
 
 PLACES = 3
 """Windows of a long recording."""
@@ -223,7 +236,9 @@ def windows(recording, topics):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     topics : StereoTopics
+        The topics of images and calibrations.
 
     Returns
     -------

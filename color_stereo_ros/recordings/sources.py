@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The formats of recordings: what a path holds, and its messages as CDR.
 
@@ -9,9 +22,9 @@ refused in one sentence that says what to do.
 
 import numpy as np
 
-from ..errors import RecordingError
 from .record_times import times_in
 from .types import new_typestore
+from ..errors import RecordingError
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
 _ROS1 = b'#ROSBAG V'
@@ -28,6 +41,7 @@ def opened(path):
     Parameters
     ----------
     path : Path
+        Of the file.
 
     Returns
     -------

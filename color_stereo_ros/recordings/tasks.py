@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 A recording as tasks: runs of consecutive pairs, each of which one process measures alone.
 
@@ -16,11 +29,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import StereoCalibration
-from ..errors import RecordingError
-from ..messages.reading import stamp_ns
 from .pairing import FoundPair, Pairing, Places, Taken
 from .salvage import is_salvageable
+from ..errors import RecordingError
+from ..messages.reading import stamp_ns
 
 PAIRS = 64
 """Pairs of a task; chosen: the warm-up costs 5 % then, and a killed process seconds."""
@@ -76,8 +88,11 @@ def plan_of(recording, topics, settings, say, tick=lambda message: None):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     topics : StereoTopics
+        The topics of images and calibrations.
     settings : RangeNodeSettings
+        All parameters of range_node.
     say : callable
         Called with a sentence about a message or calibration that is refused.
     tick : callable
@@ -166,10 +181,13 @@ def read_pairs(recording, topics, rows, calibration):
     Parameters
     ----------
     recording : Recording
+        An open recording.
     topics : StereoTopics
+        The topics of images and calibrations.
     rows : numpy.ndarray
         ROW (n,).
     calibration : StereoCalibration
+        Of the two cameras.
 
     Yields
     ------

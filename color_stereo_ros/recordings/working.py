@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What a process does that measures tasks of a recording: one at a time, each into a part."""
 
 from dataclasses import dataclass
@@ -6,6 +19,11 @@ from pathlib import Path
 
 import yaml
 
+from .carrying import TaskStereo
+from .measuring import OutputWriter, PairSensor
+from .reading import Recording
+from .topics import StereoTopics
+from .writing import open_writer
 from .. import __version__
 from ..core import RecordingError, StereoCalibration
 from ..core.settings import updated
@@ -13,11 +31,6 @@ from ..files.atomic import folder_written_whole, write_text
 from ..files.yaml import yaml_text
 from ..parameters.files import read_settings
 from ..parameters.groups import RangeNodeSettings
-from .carrying import TaskStereo
-from .measuring import OutputWriter, PairSensor
-from .reading import Recording
-from .topics import StereoTopics
-from .writing import open_writer
 
 ACCOUNT = 'account.yaml'
 """File of a part that tells how its task went."""
@@ -65,7 +78,9 @@ def measure_task(run, task, tick=lambda: None):
     Parameters
     ----------
     run : Run
+        The results of one method.
     task : Task
+        A part of the recording.
     tick : callable
         Called after each pair.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Write recordings: rosbag2 folders with one MCAP file, without ROS.
 
@@ -11,10 +24,10 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from .types import serialized, typestore
 from ..errors import RecordingError
 from ..files.atomic import folder_written_whole
 from ..messages.contents import camera_info, Header, image
-from .types import serialized, typestore
 
 LEVEL = 1
 """Of zstd: half the time of 3, the default of the library, for 3 % more bytes (docs/scale.md)."""
@@ -103,9 +116,11 @@ class RecordingWriter:
         Parameters
         ----------
         topic : str
+            Its name in the recording.
         type_name : str
             For example sensor_msgs/msg/Image.
         time_ns : int
+            When it was recorded, ns.
         data : bytes
             CDR.
         latched : bool
@@ -125,7 +140,9 @@ class RecordingWriter:
         Parameters
         ----------
         topic : str
+            Its name in the recording.
         time_ns : int
+            When it was recorded, ns.
         content : object
             One of `messages.contents`.
         latched : bool
@@ -145,6 +162,7 @@ class RecordingWriter:
         left, right : numpy.ndarray, uint8, shape (H, W, 3)
             RGB.
         calibration : StereoCalibration
+            Of the two cameras.
         namespace : str
             Goes before `left/image_raw` and the others.
 

@@ -1,11 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The shape `board` of a scene: a calibration board, its edges the edges of triangles."""
 
 import numpy as np
 
+from .errors import SceneError
 from ..calibration.boards import Board, BOARDS
 from ..errors import ColorStereoError
-from .errors import SceneError
 
 SIDES = 128      # corners of a disk; its edge is off by 3e-4 of the radius
 LIFT = 5e-6      # m from the board to its disks, which overlie it

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Exact images of calibration boards, and where their corners lie.
 
@@ -43,6 +56,7 @@ def board_camera(model, **electronics):
     Parameters
     ----------
     model : color_stereo_ros.core.cameras.calibration.CameraModel
+        The camera as calibrated.
     **electronics
         Fields of a camera of a rig (docs/simulation.md), for example `bayer='none'`.
 
@@ -69,6 +83,7 @@ def board_view(camera, board, pose, *, seed=0, bend=(0.0, 0.0), levels=LEVELS, b
     camera : Camera
         Of a rig, or from `board_camera`; its place does not matter.
     board : color_stereo_ros.calibration.boards.Board
+        The calibration board.
     pose : Pose
         Camera frame from board frame.
     seed : int or numpy.random.SeedSequence
@@ -112,7 +127,9 @@ def board_pair(calibration, board, pose, *, seed=0, bend=(0.0, 0.0), levels=LEVE
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     board : Board
+        The calibration board.
     pose : Pose
         Left camera's frame from board frame.
     seed : int

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Materials by name, and the textures that can be printed on them."""
 
 from dataclasses import dataclass, field
@@ -142,8 +155,8 @@ def _noise(generator, sigma):
     import cv2
     size = TEXTURE_SIZE
     noise = np.tile(generator.standard_normal((size, size)).astype(np.float32), (2, 2))
-    noise = cv2.GaussianBlur(noise, (0, 0), max(sigma, 0.3))[size // 2:-size // 2,
-                                                               size // 2:-size // 2]
+    middle = slice(size // 2, -size // 2)
+    noise = cv2.GaussianBlur(noise, (0, 0), max(sigma, 0.3))[middle, middle]
     return np.clip(0.5 + noise / (5 * noise.std()), 0, 1)
 
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The projector: from pattern values to light, and from points in space to pattern pixels."""
 
 import cv2
@@ -20,6 +33,7 @@ def projector_coordinates(projector, points):
     Parameters
     ----------
     projector : Projector
+        The simulated projector.
     points : numpy.ndarray, shape (N, 3)
         m.
 
@@ -53,7 +67,9 @@ def pattern_stack(projector, pattern, depth):
     Parameters
     ----------
     projector : Projector
+        The simulated projector.
     pattern : numpy.ndarray, uint8, shape (H, W, 3)
+        The image that the projector shows, RGB.
     depth : numpy.ndarray, float32, shape (N,)
         m, the distances that occur.
 

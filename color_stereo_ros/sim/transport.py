@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Light transport: how much light of each projector pixel reaches each camera pixel.
 
@@ -185,11 +198,15 @@ def sample_direct(world, camera, samples, seed, with_ambient):
     Parameters
     ----------
     world : World
+        The scene as the renderer holds it.
     camera : Camera
+        The simulated camera.
     samples : int
         Samples per pixel along either axis.
     seed : int
+        Of the random numbers.
     with_ambient : bool
+        Add the light of the room.
 
     Returns
     -------
@@ -251,9 +268,13 @@ def direct_image(light, camera, projector, pattern):
     Parameters
     ----------
     light : DirectLight
+        What the projector gives without detours.
     camera : Camera
+        The simulated camera.
     projector : Projector
+        The simulated projector.
     pattern : numpy.ndarray, uint8, shape (H', W', 3)
+        The image that the projector shows, RGB.
 
     Returns
     -------
@@ -278,13 +299,17 @@ def indirect_image(world, light, camera, pattern, samples, seed):
     Parameters
     ----------
     world : World
+        The scene as the renderer holds it.
     light : DirectLight
         Of the same camera.
     camera : Camera
+        The simulated camera.
     pattern : numpy.ndarray, uint8, shape (H', W', 3)
+        The image that the projector shows, RGB.
     samples : int
         Samples per pixel along either axis.
     seed : int
+        Of the random numbers.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Finds Mitsuba 3 and the fastest of its variants that this machine can run."""
 
 import ctypes.util
@@ -12,6 +25,7 @@ import subprocess
 import sys
 
 from .errors import SimulatorMissingError
+from ..errors import pip_install
 
 LLVM_PLACES = (
     '/usr/lib/*/libLLVM.so.*', '/usr/lib/*/libLLVM-*.so*', '/usr/lib/libLLVM*.so*',
@@ -99,8 +113,7 @@ def load_mitsuba():
         import mitsuba
     except ImportError as error:
         raise SimulatorMissingError(
-            f'the simulated rig needs Mitsuba 3 ({error}): pip install mitsuba, or pip install '
-            "'.[sim]' in the folder of the sources (README, Extras)") from error
+            f'the simulated rig needs Mitsuba 3 ({error}): {pip_install("sim")}') from error
     mitsuba.set_variant(variant)
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     return mitsuba

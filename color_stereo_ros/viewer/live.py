@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Frames of a running `range_node`: what it publishes, beside the raw pair of the same stamp."""
 
 from contextlib import contextmanager
@@ -6,6 +19,8 @@ import time
 
 import numpy as np
 
+from .frame import Frame
+from .page import PERIOD
 from ..core import CalibrationError, ColorStereoError, ImageError, StereoCalibration
 from ..core.results import RangeResult
 from ..core.triangulation import disparity_from_depth, disparity_limits
@@ -16,8 +31,6 @@ from ..nodes.live import Collector, ros_node
 from ..nodes.live_pairs import LivePairs
 from ..recordings.reading import seconds
 from ..recordings.topics import STEREO_TOPICS
-from .frame import Frame
-from .page import PERIOD
 
 OUTPUTS = ('depth/image', 'confidence/image', 'status/image', 'views/image', 'depth_std/image',
            'left/image_rect_color')
@@ -156,7 +169,9 @@ def result_from(messages, geometry, limits):
     messages : dict
         Names of OUTPUTS to sensor_msgs/Image of one stamp.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     limits : RangeSettings
+        The depths that are searched.
 
     Raises
     ------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What is measured in the scene: the point under the mouse, distances, planes."""
 
 from dataclasses import dataclass
@@ -52,6 +65,7 @@ def point_on_ray(points, origin, direction):
     points : numpy.ndarray, float32, shape (H, W, 3)
         m; NaN = unknown.
     origin, direction : array-like, shape (3,)
+        Of the ray, rectified left camera, m.
 
     Returns
     -------
@@ -81,6 +95,7 @@ def distance(result, points, first, second):
     Parameters
     ----------
     result : RangeResult
+        Of the pair.
     points : numpy.ndarray, float32, shape (H, W, 3)
         Of the result.
     first, second : (int, int)

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The page of `color_stereo view`: a scene, a panel, and what happens at a click."""
 
 from dataclasses import dataclass
@@ -8,12 +21,12 @@ import time
 import cv2
 import numpy as np
 
-from ..errors import ColorStereoError
-from ..pages.serving import QUALITY, ServedPage
 from .measuring import distance, fitted_plane, inside_box, point_on_ray
 from .pictures import LEFT, POINT_COLORS, RIGHT
 from .scene import Scene, SECOND
 from .telling import about_distance, about_frame, about_pixel, about_plane, HOW_TO
+from ..errors import ColorStereoError
+from ..pages.serving import ServedPage
 
 TITLE = 'color_stereo view'
 VIEWS = {'All': 'all', 'Points': 'points', 'Pictures': 'pictures'}
@@ -175,6 +188,7 @@ class ViewPage(ServedPage):
         Parameters
         ----------
         frame : Frame
+            The measured pair that is shown.
         moving : bool
             The next one follows at once: fewer points, smaller pictures.
 

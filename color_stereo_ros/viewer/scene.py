@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Frames as things of a viser scene: points, pictures, marks."""
 
 import numpy as np
 
-from ..core.triangulation import rays
-from ..pages.serving import QUALITY
 from .pictures import legends_of, pictures_of, point_colors
 from .wall import FIELD, Wall
+from ..core.triangulation import rays
+from ..pages.serving import QUALITY
 
 MARK = (214, 39, 110)
 SECOND = (20, 120, 220)
@@ -58,6 +71,7 @@ class Scene:
         Parameters
         ----------
         frame : Frame
+            The measured pair that is shown.
         step, picture_step : int
             Every step-th pixel of every step-th row, of the points and of the pictures.
 
@@ -137,6 +151,7 @@ class Scene:
         spots : list of array-like, shape (3,)
             m.
         color : (int, int, int)
+            RGB, 0..255.
 
         """
         self.unmark(name)
@@ -165,6 +180,7 @@ class Scene:
         Parameters
         ----------
         name : str
+            The name by which it is found.
         center, normal : numpy.ndarray, float64, shape (3,)
             m; unit.
         before : float

@@ -1,16 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Where frames come from: a recording, or image files; measured when somebody asks for them."""
 
 from collections import OrderedDict
 from threading import RLock
 
+from .frame import Frame
 from ..calibration.pairs import find_pairs
 from ..core import RecordingError
 from ..recordings.carrying import TaskStereo
 from ..recordings.measuring import make_stereo, PairSensor
 from ..recordings.reading import seconds
 from ..recordings.tasks import readable_plan, tasks_of
-from .frame import Frame
 
 KEPT = 8
 """Frames; chosen: a look back costs nothing, and some 100 MB are enough."""

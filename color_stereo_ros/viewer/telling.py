@@ -1,13 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What the page says, as Markdown."""
 
 import math
 
 import numpy as np
 
+from .frame import STEP
 from ..core.account import rows_in_words, status_shares
 from ..core.status import Status
-from .frame import STEP
 
 SEEN_BY = {0: 'nobody else', 1: 'the right camera', 2: 'the projector',
            3: 'the right camera and the projector'}
@@ -52,9 +65,11 @@ def about_pixel(frame, column, row, curve=None):
     Parameters
     ----------
     frame : Frame
+        The measured pair that is shown.
     column, row : int
         px.
     curve : CostCurve, optional
+        Of the pixel.
 
     """
     result = frame.result

@@ -1,20 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A calibrated stereo pair: read, checked and written as ROS camera_info."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from os import PathLike
 from types import SimpleNamespace
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ...errors import CalibrationError
-from ...files.atomic import write_text
-from ...files.camera_info import camera_info_text, read_camera_info, WINDOW
-from ...files.yaml import UnreadableError
 from . import checks
 from .common_view import with_common_view, with_equal_centers
 from .geometry import RectifiedGeometry
 from .lenses import coefficients_of, LENSES
+from ..arrays import Doubles, Size
+from ...errors import CalibrationError
+from ...files.atomic import write_text
+from ...files.camera_info import camera_info_text, read_camera_info, WINDOW
+from ...files.yaml import UnreadableError
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +55,13 @@ class CameraModel:
     """Rows of the raw image, px."""
     distortion_model: str
     """A name in `lenses.LENSES`: plumb_bob, rational_polynomial or equidistant."""
-    D: np.ndarray
+    D: Doubles
     """float64 (n,), distortion coefficients in OpenCV's order; empty = no distortion."""
-    K: np.ndarray
+    K: Doubles
     """float64 (3, 3), raw camera matrix, px."""
-    R: np.ndarray
+    R: Doubles
     """float64 (3, 3), rotates physical camera coordinates into rectified ones."""
-    P: np.ndarray
+    P: Doubles
     """
     float64 (3, 4), projection of the rectified camera.
 
@@ -53,7 +70,7 @@ class CameraModel:
     source: str = ''
     """The file from which the camera was read, for error messages; empty = no file."""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Convert to float64 arrays of the right shapes; refuse an impossible size or P."""
         for field, shape in (('D', (-1,)), ('K', (3, 3)), ('R', (3, 3)), ('P', (3, 4))):
             self._keep(field, checks.matrix(f'{self.name} {field}', getattr(self, field), shape))
@@ -72,7 +89,7 @@ class CameraModel:
     def _keep(self, field, value):
         object.__setattr__(self, field, value)
 
-    def check_raw(self):
+    def check_raw(self) -> None:
         """
         Refuse K, D, R or a lens model from which no raw image can be rectified.
 
@@ -108,14 +125,14 @@ class StereoCalibration:
     left: CameraModel
     right: CameraModel
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Refuse cameras that do not belong together."""
         checks.check_same_size(self.left, self.right)
         checks.check_baseline(self.left, self.right)
         checks.check_shared_projection(self.left, self.right)
 
     @cached_property
-    def geometry(self):
+    def geometry(self) -> RectifiedGeometry:
         """Return the RectifiedGeometry of the pair."""
         left, right = self.left.P, self.right.P
         return RectifiedGeometry(
@@ -124,7 +141,7 @@ class StereoCalibration:
             center_x_left=float(left[0, 2]), center_x_right=float(right[0, 2]),
             center_y=float(left[1, 2]), baseline=float((left[0, 3] - right[0, 3]) / right[0, 0]))
 
-    def check_raw(self):
+    def check_raw(self) -> None:
         """
         Refuse a pair whose raw images cannot be rectified; see `CameraModel.check_raw`.
 
@@ -137,7 +154,7 @@ class StereoCalibration:
         self.right.check_raw()
 
     @property
-    def right_from_left(self):
+    def right_from_left(self) -> tuple[Doubles, Doubles]:
         """
         Return rotation (3, 3) and translation (3,), m, of the physical cameras.
 
@@ -150,13 +167,14 @@ class StereoCalibration:
         return rotation, -self.right.R.T @ np.array([self.geometry.baseline, 0.0, 0.0])
 
     @classmethod
-    def from_yaml(cls, left, right):
+    def from_yaml(cls, left: str | PathLike[str], right: str | PathLike[str]) -> Self:
         """
         Read two ROS camera_info YAML files, or what `files.camera_info` reads besides.
 
         Parameters
         ----------
         left, right : path-like
+            The files of both cameras.
 
         Returns
         -------
@@ -172,7 +190,7 @@ class StereoCalibration:
         return cls(_camera_from_yaml('left', left), _camera_from_yaml('right', right))
 
     @classmethod
-    def from_camera_info(cls, left, right):
+    def from_camera_info(cls, left: Any, right: Any) -> Self:
         """
         Take two sensor_msgs/CameraInfo messages, or anything with the same fields.
 
@@ -198,7 +216,9 @@ class StereoCalibration:
         return cls(_camera_from_info('left', left), _camera_from_info('right', right))
 
     @classmethod
-    def from_arrays(cls, size, K_left, D_left, K_right, D_right, R, t, distortion_model=None):
+    def from_arrays(cls, size: Size, K_left: ArrayLike, D_left: ArrayLike | None,
+                    K_right: ArrayLike, D_right: ArrayLike | None, R: ArrayLike, t: ArrayLike,
+                    distortion_model: str | None = None) -> Self:
         """
         Rectify a pair that is known by its physical parameters.
 
@@ -211,6 +231,7 @@ class StereoCalibration:
         D_left, D_right : array-like, shape (n,)
             Distortion coefficients in OpenCV's order; empty or None = no distortion.
         R : array-like, shape (3, 3)
+            Rotation of X_right = R X_left + t.
         t : array-like, shape (3,)
             X_right = R X_left + t, m.
         distortion_model : str, optional
@@ -249,13 +270,14 @@ class StereoCalibration:
                                  camera.D, camera.K, R_rect, P)
                      for camera, (R_rect, P) in zip(raw, rectified)))
 
-    def to_yaml(self, left_path, right_path):
+    def to_yaml(self, left_path: str | PathLike[str], right_path: str | PathLike[str]) -> None:
         """
         Write two ROS camera_info YAML files; an existing file is replaced as a whole.
 
         Parameters
         ----------
         left_path, right_path : path-like
+            The files of both cameras.
 
         Raises
         ------

@@ -1,10 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What both cameras of a pair see, and rectified cameras that keep it."""
 
 import numpy as np
 
-from ...errors import CalibrationError
 from .lenses import LENSES
+from ...errors import CalibrationError
 
 SAMPLES = (33, 25)           # rays of a raw image, columns and rows
 BASELINES = (0.25, 64.0)     # depths at which views are compared, baselines
@@ -60,7 +73,9 @@ def kept_share(left, right, rotation, translation, views):
     Parameters
     ----------
     left, right : Sampled
+        Both cameras, as sampled on a grid.
     rotation : numpy.ndarray, float64, shape (3, 3)
+        X_right = R X_left + t.
     translation : numpy.ndarray, float64, shape (3, 1)
         X_right = rotation X_left + translation, m.
     views : ((R, P), (R, P))
@@ -97,6 +112,7 @@ def with_common_view(left, right, rotation, translation, views):
     left, right : CameraModel
         Of which R and P are unknown yet.
     rotation : numpy.ndarray, float64, shape (3, 3)
+        X_right = R X_left + t.
     translation : numpy.ndarray, float64, shape (3, 1)
         X_right = rotation X_left + translation, m.
     views : ((R, P), (R, P))
@@ -142,8 +158,11 @@ def with_equal_centers(left, right, rotation, translation, views):
     left, right : CameraModel
         Of which R and P are unknown yet.
     rotation : numpy.ndarray, float64, shape (3, 3)
+        X_right = R X_left + t.
     translation : numpy.ndarray, float64, shape (3, 1)
+        t of X_right = R X_left + t, m.
     views : ((R, P), (R, P))
+        Of the rectified cameras, left and right.
 
     Returns
     -------

@@ -1,17 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """How well a calibration is known: its covariance, and what follows for depth and rows."""
 
 from dataclasses import dataclass
 import hashlib
+from os import PathLike
+from typing import Self
 
 import cv2
 import numpy as np
 
+from .lenses import LENSES
+from .parameters import SIDES, StereoParameters
 from ...errors import CalibrationError
 from ...files.atomic import write_text
 from ...files.yaml import load_yaml, UnreadableError, yaml_text
-from .lenses import LENSES
-from .parameters import SIDES, StereoParameters
 
 DIGITS = 12      # of the values that a hash covers: rounding of other programs keeps them
 SYMMETRY = 1e-6  # of the standard deviations: what rounding may leave
@@ -55,6 +70,7 @@ class StereoCovariance:
         Parameters
         ----------
         calibration : StereoCalibration
+            Of the two cameras.
         matrix : array-like, shape (n, n)
             In the order of `StereoParameters.from_calibration(calibration).names`.
 
@@ -63,13 +79,14 @@ class StereoCovariance:
                    hashes_of(calibration))
 
     @classmethod
-    def read(cls, path):
+    def read(cls, path: str | PathLike[str]) -> Self:
         """
         Read a file that `write` has written.
 
         Parameters
         ----------
         path : path-like
+            Of the file.
 
         Raises
         ------
@@ -93,13 +110,14 @@ class StereoCovariance:
         except CalibrationError as error:
             raise CalibrationError(f'{path}: {error}') from error
 
-    def write(self, path):
+    def write(self, path: str | PathLike[str]) -> None:
         """
         Write a YAML file; an existing file is replaced as a whole.
 
         Parameters
         ----------
         path : path-like
+            Of the file.
 
         Raises
         ------
@@ -125,6 +143,7 @@ class StereoCovariance:
         Parameters
         ----------
         calibration : StereoCalibration
+            Of the two cameras.
 
         Raises
         ------
@@ -184,6 +203,7 @@ def rectified_derivatives(calibration, x, y, Z):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     x, y : array-like, shape (...)
         Pixels of the rectified left image.
     Z : array-like, shape (...)
@@ -264,6 +284,7 @@ def camera_hash(camera):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
 
     Returns
     -------
@@ -294,6 +315,7 @@ def check_hashes(what, hashes, calibration):
     hashes : dict
         As `hashes_of` returned them.
     calibration : StereoCalibration
+        Of the two cameras.
 
     Raises
     ------

@@ -1,9 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The geometry of a rectified pair, and the pair itself."""
 
 from dataclasses import dataclass
 
-import numpy as np
+from ..arrays import Bytes, Mask
 
 
 @dataclass(frozen=True)
@@ -33,12 +46,12 @@ class RectifiedGeometry:
     """Distance of the optical centers, m, > 0."""
 
     @property
-    def principal_offset(self):
+    def principal_offset(self) -> float:
         """Return cx_left - cx_right, px: the disparity of a point at infinity."""
         return self.center_x_left - self.center_x_right
 
     @property
-    def focal_baseline(self):
+    def focal_baseline(self) -> float:
         """Return focal length times baseline, px m."""
         return self.focal_x * self.baseline
 
@@ -47,12 +60,12 @@ class RectifiedGeometry:
 class RectifiedPair:
     """Two color images whose epipolar lines are the image rows."""
 
-    left: np.ndarray
+    left: Bytes
     """uint8 (H, W, 3), RGB; 0 outside the raw image."""
-    right: np.ndarray
+    right: Bytes
     """uint8 (H, W, 3), RGB; 0 outside the raw image."""
-    left_inside: np.ndarray
+    left_inside: Mask
     """bool (H, W): the rectified pixel lies inside the raw left image."""
-    right_inside: np.ndarray
+    right_inside: Mask
     """bool (H, W): the rectified pixel lies inside the raw right image."""
     geometry: RectifiedGeometry

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The lens models: the values of `distortion_model` in a camera_info."""
 
 import cv2
@@ -50,8 +63,11 @@ class Lens:
         Parameters
         ----------
         pixels : numpy.ndarray, float64, shape (N, 2)
+            Column and row in the raw image.
         K : numpy.ndarray, float64, shape (3, 3)
+            Camera matrix, px.
         D : numpy.ndarray, float64
+            Distortion coefficients.
 
         Returns
         -------
@@ -114,6 +130,7 @@ class Lens:
         Parameters
         ----------
         camera : CameraModel
+            One camera of the pair.
 
         Returns
         -------
@@ -141,6 +158,7 @@ class Lens:
         left, right : CameraModel
             Of which R and P are unknown yet.
         rotation : numpy.ndarray, float64, shape (3, 3)
+            X_right = R X_left + t.
         translation : numpy.ndarray, float64, shape (3, 1)
             X_right = rotation X_left + translation, m.
 
@@ -240,7 +258,9 @@ def coefficients_of(lens, D):
     Parameters
     ----------
     lens : Lens
+        The model of the lens.
     D : numpy.ndarray, float64, shape (n,)
+        Distortion coefficients.
 
     Returns
     -------

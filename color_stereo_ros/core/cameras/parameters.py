@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The physical parameters of a stereo pair as one vector, for estimates and covariances."""
 
 from dataclasses import dataclass
@@ -6,9 +19,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...errors import CalibrationError
 from . import checks
 from .calibration import StereoCalibration
+from ...errors import CalibrationError
 
 SIDES = ('left', 'right')
 INTRINSICS = ('fx', 'fy', 'cx', 'cy')
@@ -81,6 +94,7 @@ class StereoParameters:
         size : (int, int)
             Width and height, px.
         distortion_model : str
+            A name in `lenses.LENSES`.
         vector : array-like, shape (n,)
             As the property `vector`; both cameras have (n - 14) / 2 coefficients.
 
@@ -109,6 +123,7 @@ class StereoParameters:
         Parameters
         ----------
         calibration : StereoCalibration
+            Of the two cameras.
 
         Raises
         ------

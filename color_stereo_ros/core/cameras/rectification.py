@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """From raw image pairs to pairs whose epipolar lines are the image rows."""
 
 import cv2
 import numpy as np
 
-from ...errors import ImageError
 from .geometry import RectifiedPair
 from .lenses import LENSES
+from ...errors import ImageError
 
 FAR_OUTSIDE = -1e4  # px, fits the 16-bit maps
 ROUNDING = 1 / 32   # px, the resolution of the maps
@@ -135,8 +148,8 @@ def checked_image(name, image, geometry):
 
 def bits_of(images):
     """Return how many bits the brightest pixel of some images needs, at least 8."""
-    return max(8, 8, *(int(image.max(initial=0)).bit_length() for image in images
-                    if image.dtype == np.uint16))
+    return max(8, 8, *(int(image.max(initial=0)).bit_length()
+                       for image in images if image.dtype == np.uint16))
 
 
 def colored(image, bits):
@@ -159,6 +172,7 @@ def raw_coordinates(camera):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
 
     Returns
     -------

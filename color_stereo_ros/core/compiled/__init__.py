@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The compiled room: the only door to numba, and the memory that kernels work on.
 
@@ -31,7 +44,7 @@ without notice. Therefore setup.py has an upper bound for its version, and `plai
 """
 
 from . import threads  # noqa: F401, before numba is imported
-from . import requirement  # noqa: F401, tells what to install if numba is missing
+from . import requirement  # noqa: F401, I100, tells what to install if numba is missing
 from .alone import one_thread
 from .arena import Arena
 from .caching import is_cached

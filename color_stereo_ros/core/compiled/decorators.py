@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The decorators of kernels, and the way out where numba's private parts are not as known.
 
@@ -58,7 +71,7 @@ class _Way:
         reason = ' '.join(f'{type(why).__name__}: {why}'.split()) if isinstance(
             why, Exception) else why
         logging.getLogger('color_stereo_ros').warning(
-            "numba %s is not as color_stereo_ros knows it (%.200s): measuring goes on, but starts "
+            'numba %s is not as color_stereo_ros knows it (%.200s): measuring goes on, but starts '
             "and runs more slowly; pip install '%s' makes it fast again", numba.__version__,
             reason, REQUIREMENT)
 

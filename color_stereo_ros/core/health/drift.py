@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The drift of a calibration as a value: what may change between two cameras in the field.
 
@@ -20,9 +33,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from .tuning import TUNING
 from ..cameras.calibration import StereoCalibration
 from ..cameras.lenses import LENSES
-from .tuning import TUNING
 
 NAMES = 'pitch', 'yaw', 'roll', 'focal', 'baseline y', 'baseline z'
 COUNT = len(NAMES)
@@ -78,6 +91,7 @@ def seen(drift, camera, raw):
     Parameters
     ----------
     drift : numpy.ndarray, float64, shape (6,)
+        See `drift.NAMES`.
     camera : PhysicalRight
         As calibrated.
     raw : numpy.ndarray, float64, shape (N, 2)
@@ -115,7 +129,9 @@ def row_errors(drift, camera, raw, left, focal):
     Parameters
     ----------
     drift : numpy.ndarray, float64, shape (6,)
+        See `drift.NAMES`.
     camera : PhysicalRight
+        The right camera as it is mounted.
     raw : numpy.ndarray, float64, shape (N, 2)
         Raw right pixels, px.
     left : numpy.ndarray, float64, shape (N, 2)
@@ -149,11 +165,13 @@ def expected_fields(calibration, x, y, disparity, rectified_input=False):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     x, y : numpy.ndarray, float64, shape (N,)
         Column and row in the rectified left image, px.
     disparity : numpy.ndarray, float64, shape (N,)
         px.
     rectified_input : bool
+        The images arrive rectified already.
 
     Returns
     -------
@@ -182,7 +200,9 @@ def corrected(calibration, drift, baseline=True):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     drift : array-like, shape (6,)
+        See `drift.NAMES`.
     baseline : bool
         Turn both rectified cameras so that x lies along the baseline. False: the rectified left
         camera, the frame of all results, stays as it is; the direction of the baseline is not

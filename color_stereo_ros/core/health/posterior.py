@@ -1,17 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """How exact a calibration is once it was corrected by a drift."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import CalibrationError
-from ..cameras.covariance import StereoCovariance
-from ..cameras.parameters import StereoParameters
 from .drift import corrected, COUNT
 from .prior import drift_by_parameters
 from .tracking import covariance_of
 from .tuning import TUNING
+from ..cameras.covariance import StereoCovariance
+from ..cameras.parameters import StereoParameters
+from ...errors import CalibrationError
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +68,7 @@ def corrected_covariance(calibration, covariance, known):
     covariance : StereoCovariance
         Of `calibration`.
     known : KnownDrift
+        What the pairs tell of the drift.
 
     Returns
     -------

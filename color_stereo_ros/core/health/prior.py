@@ -1,11 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What a calibration with covariance knows of the six numbers of the drift."""
 
 import numpy as np
 
-from ..cameras.covariance import rectified_derivatives
 from .drift import COUNT, expected_fields
 from .tuning import TUNING
+from ..cameras.covariance import rectified_derivatives
 
 
 def drift_covariance(calibration, covariance):
@@ -20,7 +33,9 @@ def drift_covariance(calibration, covariance):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     covariance : StereoCovariance
+        How exact the calibration is.
 
     Returns
     -------
@@ -44,7 +59,9 @@ def drift_by_parameters(calibration, covariance):
     Parameters
     ----------
     calibration : StereoCalibration
+        Of the two cameras.
     covariance : StereoCovariance
+        How exact the calibration is.
 
     Returns
     -------

@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """From pair to pair: the drift that row evidence and calibration show together."""
 
 from functools import lru_cache
 
 import numpy as np
 
-from ..rows.alignment import COUNT as TERMS, terms
 from .drift import corrected, COUNT, expected_fields, PhysicalRight, row_errors, SHOWN
 from .health import Health
 from .tuning import TUNING
+from ..rows.alignment import COUNT as TERMS, terms
 
 
 class HealthTracker:
@@ -128,6 +141,7 @@ class HealthTracker:
         Parameters
         ----------
         health : Health
+            What is known of the drift.
 
         Returns
         -------
@@ -229,7 +243,9 @@ def posterior(information, pull, covariance):
     Parameters
     ----------
     information : numpy.ndarray, float64, shape (13, 13)
+        Of drift and row terms of the scene.
     pull : numpy.ndarray, float64, shape (13,)
+        Information times what it is about.
     covariance : numpy.ndarray, float64, shape (6, 6)
         Of the prior.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Color correction and noise elimination of the paper's method (paper, sec. 2.2)."""
 
 import math
@@ -35,6 +48,7 @@ class ColorCorrection:
         Parameters
         ----------
         pair : RectifiedPair
+            The rectified images.
 
         Returns
         -------
@@ -110,10 +124,13 @@ def brightness_samples(image, inside, dark, settings):
     Parameters
     ----------
     image : numpy.ndarray, uint8, shape (H, W, 3)
+        The view, RGB.
     inside : numpy.ndarray, bool, shape (H, W)
+        Where the view lies inside the raw image.
     dark : numpy.ndarray, float32, shape (3,)
         DN.
     settings : ColorSettings
+        The group `color` of the settings.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Compiled loops of the paper's method: bare arrays in and out.
 
@@ -15,10 +28,10 @@ import math
 
 import numpy as np
 
+from .tuning import TUNING
+from ..compiled import get_num_threads, parallel, prange, serial
 from ..status_codes import (
     AMBIGUOUS, DARK, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED, VALID)
-from ..compiled import get_num_threads, parallel, prange, serial
-from .tuning import TUNING
 
 # Constants of `tuning`, compiled into the kernels.
 COST_UNIT = TUNING.search.cost_unit

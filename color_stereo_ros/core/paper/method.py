@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The correspondence search of the paper (sec. 2.2 and 3), exhaustive over the disparities."""
 
 from dataclasses import dataclass
@@ -7,12 +20,12 @@ import math
 import cv2
 import numpy as np
 
-from ..results import Measurement
-from ..triangulation import depth_from_disparity, search_interval
 from . import kernels
 from .color import ColorCorrection
 from .support import Support
 from .tuning import TUNING
+from ..results import Measurement
+from ..triangulation import depth_from_disparity, search_interval
 
 SUBPIXEL_CODES = {'none': 0, 'parabola': 1, 'weighted': 2}
 TILE = TUNING.search.tile
@@ -86,6 +99,7 @@ class PaperMatcher:
         Parameters
         ----------
         pair : RectifiedPair
+            The rectified images.
 
         Returns
         -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """How large the smallest structures of a pattern are in an image."""
 
 from dataclasses import replace
@@ -6,8 +19,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..settings import PatternSettings
 from .making import make_pattern
+from ..settings import PatternSettings
 
 FIELDS = 'hue_field', 'wave_field', 'pseudo_noise'
 """Types whose structures have the size `pattern.feature_size` in both directions."""
@@ -36,6 +49,7 @@ def feature_size_in(image, settings):
     image : numpy.ndarray, uint8, shape (H, W, 3)
         RGB.
     settings : PatternSettings
+        Of the pattern that is projected.
 
     Returns
     -------

@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """A random field of hues at constant brightness: the default pattern."""
 
 import math
 
 import numpy as np
 
-from ...errors import SettingsError
 from .blocks import Bands, RowColors, slices
 from .colors import constant_sum_colors
 from .pattern import Pattern, Repeats
+from ...errors import SettingsError
 
 # Hue units, standard deviation; the circle has 3. Derived: the field wraps around, and all hues
 # are equally frequent within 2 exp(-(2 pi 1.6 / 3)^2 / 2) = 0.7 %.
@@ -51,6 +64,7 @@ def filtered_noise(settings):
     Parameters
     ----------
     settings : PatternSettings
+        Of the pattern that is projected.
 
     Returns
     -------

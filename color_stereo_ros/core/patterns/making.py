@@ -1,21 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The image for the projector (paper, sec. 2.1, figs. 2.1 and 2.2)."""
 
 import numpy as np
 
-from ...errors import SettingsError
-from ..settings import PatternSettings
 from .blocks import RowColors, slices
 from .registry import makable, PATTERNS
+from ..arrays import Bytes
+from ..settings import PatternSettings
+from ...errors import SettingsError
 
 
-def make_pattern(settings=PatternSettings()):
+def make_pattern(settings: PatternSettings = PatternSettings()) -> Bytes:
     """
     Return the image that the projector must show.
 
     Parameters
     ----------
     settings : PatternSettings
+        Of the pattern that is projected.
 
     Returns
     -------
@@ -49,6 +64,7 @@ def check_pattern(settings):
     Parameters
     ----------
     settings : PatternSettings
+        Of the pattern that is projected.
 
     Raises
     ------

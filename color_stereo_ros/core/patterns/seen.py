@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Which kind of pattern an image shows: whether its colors change along rows only."""
 
 from dataclasses import dataclass, replace
@@ -7,10 +20,10 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..settings import PatternSettings
 from .feature_size import channel_sum, LEAST_LIGHT, LEAST_VARIANCE
 from .making import make_pattern
 from .registry import makable
+from ..settings import PatternSettings
 
 CELL = 4  # px; chosen: the noise of a pixel is averaged, structures of 6 px remain
 LAGS = 1, 2, 3  # cells; chosen: a repeating pattern has no period that divides all of them

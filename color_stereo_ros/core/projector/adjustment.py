@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Bundle adjustment: the geometry that explains matches best, with priors and covariance.
 
@@ -136,6 +149,7 @@ def carried_prior(earlier, depth):
     Parameters
     ----------
     earlier : ProjectorModel
+        Of an earlier pair.
     depth : float
         Median depth of the scene, m.
 
@@ -195,6 +209,7 @@ def predicted(model, points):
     Parameters
     ----------
     model : ProjectorModel
+        Geometry of the projector.
     points : numpy.ndarray, float64, shape (N, 3)
         m, rectified left camera.
 
@@ -271,7 +286,9 @@ def whitened(evidence, model, slow):
     Parameters
     ----------
     evidence : Evidence
+        Where the patches of the pattern were found.
     model : ProjectorModel
+        Geometry of the projector.
     slow : numpy.ndarray, float64, shape (M,)
         The modes of the depth, standard deviations.
 
@@ -367,8 +384,11 @@ def adjust(start, evidence, prior, rounds=None, scale=None):
     Parameters
     ----------
     start : ProjectorModel
+        Where the adjustment begins.
     evidence : Evidence
+        Where the patches of the pattern were found.
     prior : Prior
+        What is known before.
     rounds : int, optional
         Largest number of steps.
     scale : float, optional

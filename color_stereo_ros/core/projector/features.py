@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Matches of images with the pattern, from nothing.
 
@@ -112,6 +125,7 @@ def left_right_pairs(left, right, features, insides=(None, None)):
     left, right : numpy.ndarray, uint8, shape (H, W, 3)
         RGB, rectified.
     features : PatternFeatures
+        Of the pattern as it is projected.
     insides : pair of numpy.ndarray, bool, shape (H, W), or None
         Where to look in each view.
 
@@ -164,6 +178,7 @@ def nearest(one, other):
     Parameters
     ----------
     one, other : numpy.ndarray, float32, shape (N, 128) and (M, 128)
+        Descriptors of two images.
 
     Returns
     -------

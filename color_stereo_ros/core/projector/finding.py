@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The search for the projector, from nothing: one pair is enough."""
 
 from dataclasses import dataclass, replace
@@ -224,8 +237,11 @@ class ProjectorFinder:
         Parameters
         ----------
         model : ProjectorModel
+            Geometry of the projector.
         measured : Measured
+            What two views have measured.
         where : Sites
+            The places that are compared.
         near : int
             Number of the blur that was best for a geometry nearby; 0: unknown.
 
@@ -353,6 +369,7 @@ def known_elsewhere(model, points):
     Parameters
     ----------
     model : ProjectorModel
+        Geometry of the projector.
     points : numpy.ndarray, float64, shape (N, 3)
         m, the evidence.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The geometry of the projector as a value.
 
@@ -16,9 +29,11 @@ Pixel (0, 0) is the center of the top-left pixel of the pattern.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
+from ..arrays import Doubles
 from ..frozen import constant_array
 
 PARAMETERS = ('focal_x', 'focal_y', 'skew', 'center_u', 'center_v', 'k1',
@@ -91,12 +106,12 @@ class ProjectorModel:
         return stretch * (fx * x + skew * y) + cu, stretch * fy * y + cv
 
     @property
-    def center(self):
+    def center(self) -> Doubles:
         """Return the optical center in the rectified left camera, float64 (3,), m."""
         return -self.rotation.T @ self.translation
 
     @property
-    def center_std(self):
+    def center_std(self) -> Doubles:
         """Return the standard deviations of `center`, float64 (3,), m."""
         # c = -R^T t and R' = exp([w]x) R give dc = -R^T (dt + [t]x dw)
         tx, ty, tz = self.translation
@@ -105,7 +120,7 @@ class ProjectorModel:
         return np.sqrt(np.diag(jacobian @ self.covariance[6:, 6:] @ jacobian.T))
 
     @property
-    def field_of_view(self):
+    def field_of_view(self) -> tuple[float, float]:
         """Return the angles that the pattern spans, horizontal and vertical, degrees."""
         width, height = self.size
         (fx, _, cu), (_, fy, cv), _ = self.camera_matrix
@@ -113,11 +128,11 @@ class ProjectorModel:
                 _angle((-0.5 - cv) / fy, (height - 0.5 - cv) / fy))
 
     @property
-    def std(self):
+    def std(self) -> Doubles:
         """Return the standard deviations of the parameters `PARAMETERS`, float64 (12,)."""
         return np.sqrt(np.diag(self.covariance))
 
-    def sentence(self):
+    def sentence(self) -> str:
         """Return field of view, place and residual of the projector as one sentence."""
         wide, high = self.field_of_view
         text = (f'projector found: {wide:.0f} x {high:.0f} degrees, {place(self.center)} the '
@@ -125,7 +140,7 @@ class ProjectorModel:
         known = np.isfinite(self.residual)
         return text + (f', residual {short(self.residual, 1)} px' if known else '')
 
-    def but(self, **changes):
+    def but(self, **changes: Any) -> 'ProjectorModel':
         """Return this model with some fields replaced."""
         return replace(self, **changes)
 

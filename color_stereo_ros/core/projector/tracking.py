@@ -1,7 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The projector from pair to pair: carried, followed, found again."""
 
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -48,21 +62,21 @@ class Track:
     """The model for which the third view has blurred the pattern; a new one if that is far off."""
 
     @classmethod
-    def known(cls, model):
+    def known(cls, model: ProjectorModel | None) -> Self:
         """Return a track that holds a model as it is; None: two views only."""
         return cls(model, agreeing=model is not None, held=True)
 
     @property
-    def due(self):
+    def due(self) -> bool:
         """Return whether a search may help: the projector is not where the model says."""
         return not self.held and not self.agreeing and self.wait == 0
 
     @property
-    def usable(self):
+    def usable(self) -> bool:
         """Return whether the projector takes part in the pair."""
         return self.agreeing and self.model is not None
 
-    def sentence(self):
+    def sentence(self) -> str:
         """Return what people should know of the projector, as one sentence."""
         if self.agreeing:
             return self.model.sentence() + ('' if self.explains else UNEXPLAINED)
@@ -73,7 +87,7 @@ class Track:
         return 'projector not found yet' if self.model is None else (
             'projector lost: it was moved, is dark, or shows something else')
 
-    def but(self, **changes):
+    def but(self, **changes: Any) -> 'Track':
         """Return this track with some fields replaced."""
         return replace(self, **changes)
 
@@ -125,7 +139,9 @@ class ProjectorTracker:
         Parameters
         ----------
         track : Track
+            What is known of the projector before the pair.
         measured : Measured
+            What two views have measured.
 
         Returns
         -------
@@ -181,7 +197,9 @@ class ProjectorTracker:
         Parameters
         ----------
         track : Track
+            What is known of the projector before the pair.
         measured : Measured
+            What two views have measured.
         inside : numpy.ndarray, bool, shape (H, W), optional
             Pixels of the left image to look at.
 
@@ -211,6 +229,7 @@ class ProjectorTracker:
         track : Track
             With a model.
         measured : Measured
+            What two views have measured.
 
         Returns
         -------

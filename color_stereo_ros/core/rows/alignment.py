@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The row alignment as a value: by how much the rows of the two views disagree over the image.
 
@@ -14,11 +27,14 @@ error of the radial distortion c6.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..frozen import constant_array
 from .tuning import TUNING
+from ..arrays import Doubles, Size
+from ..frozen import constant_array
 
 NAMES = 'offset', 'roll', 'scale', 'x x', 'x y', 'y y', 'radial'
 COUNT = len(NAMES)
@@ -78,7 +94,7 @@ class RowEvidence:
             object.__setattr__(self, name, values)
 
     @classmethod
-    def none(cls):
+    def none(cls) -> Self:
         """Return that nothing was compared."""
         return cls(*np.zeros((5, 0), np.float32))
 
@@ -92,13 +108,13 @@ class Alignment:
 
     """
 
-    size: tuple
+    size: Size
     """Width and height of the rectified images, px."""
-    coefficients: np.ndarray
+    coefficients: Doubles
     """float64 (7,), px, of the terms `NAMES`; see `terms`."""
-    covariance: np.ndarray
+    covariance: Doubles
     """float64 (7, 7), px^2, of the coefficients."""
-    applied: np.ndarray
+    applied: Doubles
     """float64 (7,), px: by these the rows of the right view were corrected in this pair."""
     observable: bool = False
     """Whether the pattern of this pair shows rows; a sweep along them does not."""
@@ -124,44 +140,44 @@ class Alignment:
             object.__setattr__(self, name, constant_array(getattr(self, name)))
 
     @classmethod
-    def unknown(cls, size):
+    def unknown(cls, size: Size) -> Self:
         """Return what is known before the first pair: rows may disagree by any amount."""
         spread = np.square(TUNING.estimate.prior_std)
         return cls(tuple(size), np.zeros(COUNT), np.diag(spread), np.zeros(COUNT))
 
-    def next_turn(self):
+    def next_turn(self) -> int:
         """Return which cells the next pair is asked: all were asked after TURNS pairs."""
         return (self.turn + 1) % TURNS
 
     @property
-    def std(self):
+    def std(self) -> Doubles:
         """Return the standard deviations of the coefficients, float64 (7,), px."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def due(self):
+    def due(self) -> bool:
         """Return whether a search from nothing may help: the views do not agree as they are."""
         return not self.agreeing and self.wait == 0
 
     @property
-    def known(self):
+    def known(self) -> bool:
         """Return whether any pair has shown the rows so far."""
         return bool(self.covariance[0, 0] < TUNING.estimate.vague ** 2)
 
-    def error(self, x, y):
+    def error(self, x: ArrayLike, y: ArrayLike) -> Doubles:
         """Return the row error at places in the right image, float64, px; see `terms`."""
         return terms(x, y, self.size) @ self.coefficients
 
-    def error_std(self, x, y):
+    def error_std(self, x: ArrayLike, y: ArrayLike) -> Doubles:
         """Return the standard deviation of `error`, float64, px."""
         there = terms(x, y, self.size)
         return np.sqrt(np.einsum('...i,ij,...j', there, self.covariance, there))
 
-    def rest(self, x, y):
+    def rest(self, x: ArrayLike, y: ArrayLike) -> Doubles:
         """Return the row error that was left in this pair, float64, px."""
         return terms(x, y, self.size) @ (self.coefficients - self.applied)
 
-    def largest(self):
+    def largest(self) -> tuple[float, str]:
         """
         Return the largest known row error of the image and where it is.
 
@@ -180,7 +196,7 @@ class Alignment:
         at = np.unravel_index(np.argmax(np.abs(errors)), errors.shape)
         return float(errors[at]), PLACES[at[0]][at[1]]
 
-    def sentence(self):
+    def sentence(self) -> str:
         """Return what people should know of the rows, as one sentence; '' if nothing."""
         if self.searched:
             return self.searched
@@ -190,6 +206,6 @@ class Alignment:
         return (f'rows differ by {abs(error):.1f} px ({place}): calibration or mounting has '
                 'changed')
 
-    def but(self, **changes):
+    def but(self, **changes: Any) -> 'Alignment':
         """Return this alignment with some fields replaced."""
         return replace(self, **changes)

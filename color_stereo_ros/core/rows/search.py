@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The search from nothing: by how much the rows disagree where no disparity lives yet.
 
@@ -29,6 +42,7 @@ def search(pair, limits, by_pattern=None):
     Parameters
     ----------
     pair : RectifiedPair
+        The rectified images.
     limits : (float, float)
         Smallest and largest disparity, px.
     by_pattern : callable, optional
@@ -126,6 +140,7 @@ def matches(pair):
     Parameters
     ----------
     pair : RectifiedPair
+        The rectified images.
 
     Returns
     -------
@@ -192,8 +207,8 @@ def about_others(left, right):
     """Return what matches tell of which the rows do not agree, as a sentence."""
     tuning = TUNING.search
     model, agree = cv2.estimateAffinePartial2D(left, right, ransacReprojThreshold=tuning.turned)
-    if model is None or np.count_nonzero(agree) < max(tuning.least_matches,
-                                                     tuning.least_share * len(left)):
+    least = max(tuning.least_matches, tuning.least_share * len(left))
+    if model is None or np.count_nonzero(agree) < least:
         return ASTRAY
     if model[0, 0] < 0:
         return UPSIDE_DOWN

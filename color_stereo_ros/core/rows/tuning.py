@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 All constants of the row alignment: value, unit, reason and provenance of each.
 
@@ -169,8 +182,8 @@ class SearchTuning(Constants):
         'round by round.', chosen('Roll and scale move rows by up to 3 px; single matches scatter '
                                   'by .2 to .35 px.'))
     linear_rounds: int = constant(
-        3, '1', 'Rounds that fit offset, roll and scale only.', derived('Few matches are wrong '
-                                                                       'after these.'))
+        3, '1', 'Rounds that fit offset, roll and scale only.',
+        derived('Few matches are wrong after these.'))
     match_std: float = constant(
         0.3, 'px', 'Standard deviation of one match.',
         chosen('.21 to .34 px on path-traced pairs.'))

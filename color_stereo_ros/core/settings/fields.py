@@ -1,14 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Fields of settings: what they know of themselves, how they are checked, listed and replaced."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, fields, replace
 from itertools import groupby
 import math
+from typing import Any
 
+from ..registry import suggestion
 from ...errors import brief, SettingsError
 from ...files.yaml import about_number
-from ..registry import suggestion
 
 HUGE = 10 ** 300  # an integer beyond is infinite as a float
 
@@ -43,14 +57,15 @@ class Metadata(Mapping):
 OFF = 'off'
 
 
-def setting(default, description, *, unit='', minimum=None, maximum=None, choices=None, off=None,
-            method=None):
+def setting(default: Any, description: str | Callable[[], str], *, unit='', minimum=None,
+            maximum=None, choices=None, off=None, method=None) -> Any:
     """
     Return a dataclass field that knows its description, unit and legal values.
 
     Parameters
     ----------
     default : bool, int, float or str
+        The value where nobody sets another one.
     description : str or callable
         A function without arguments returns the text of the moment.
     unit : str
@@ -77,7 +92,7 @@ def setting(default, description, *, unit='', minimum=None, maximum=None, choice
 class Group:
     """Base of a group of settings: checks every field when it is built."""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check type and range of every field; an integer is taken for a float."""
         for spec in fields(self):
             object.__setattr__(self, spec.name, _checked(self, spec, getattr(self, spec.name)))
@@ -143,9 +158,11 @@ def checked_value(settings, name, value):
     Parameters
     ----------
     settings : dataclass made of groups
+        For example Settings.
     name : str
         A flat name that the settings have.
     value : object
+        What somebody has given.
 
     Raises
     ------
@@ -177,6 +194,7 @@ def explained(registry, default):
     registry : Registry
         Of entries with a `summary`.
     default : str
+        The name that is marked.
 
     """
     parts = []

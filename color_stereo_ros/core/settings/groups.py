@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Settings, one frozen class per stage: the single source of every name, default, unit and range.
 
@@ -7,13 +20,15 @@ the fields below.
 
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
-from ...errors import SettingsError
+from .fields import explained, flat, Group, setting, updated
 from ..methods import METHODS
 from ..patterns.pattern import Repeats
 from ..patterns.registry import PATTERNS, repeating
-from .fields import explained, flat, Group, setting, updated
+from ...errors import SettingsError
 
 
 @dataclass(frozen=True)
@@ -22,7 +37,7 @@ class PatternSettings(Group):
 
     prefix = 'pattern'
 
-    type: str = setting(
+    type: str = setting(  # noqa: A003
         'hue_field', lambda: explained(PATTERNS, 'hue_field'), choices=PATTERNS)
     width: int = setting(1024, 'columns of the projector', unit='px', minimum=8, maximum=8192)
     height: int = setting(1024, 'rows of the projector', unit='px', minimum=8, maximum=8192)
@@ -154,7 +169,7 @@ class MatchingSettings(Group):
         'median disparity of the surroundings; 0 = global limits only',
         unit='px', minimum=0.0, maximum=256.0)
 
-    def check_together(self):
+    def check_together(self) -> None:
         """Refuse even windows: they have no center."""
         for name in ('window_width', 'window_height'):
             if getattr(self, name) % 2 == 0:
@@ -173,7 +188,7 @@ class RangeSettings(Group):
     max_depth: float = setting(1.0, 'farthest Z that is searched', unit='m',
                                minimum=0.001, maximum=1000.0)
 
-    def check_together(self):
+    def check_together(self) -> None:
         """Refuse an empty range."""
         if self.min_depth >= self.max_depth:
             raise SettingsError(f'range.min_depth = {self.min_depth} m must be smaller than '
@@ -206,7 +221,7 @@ class Settings:
     pattern: PatternSettings = PatternSettings()
     color: ColorSettings = ColorSettings()
     matching: MatchingSettings = MatchingSettings()
-    range: RangeSettings = RangeSettings()
+    range: RangeSettings = RangeSettings()  # noqa: A003
     health: HealthSettings = HealthSettings()
 
     def __post_init__(self):
@@ -216,7 +231,7 @@ class Settings:
             if not isinstance(value, type(spec.default)):
                 raise SettingsError(f'{spec.name} = {value!r} is no {type(spec.default).__name__}')
 
-    def updated(self, values):
+    def updated(self, values: Mapping[str, Any]) -> 'Settings':
         """
         Return settings with some values replaced, all groups checked as a set.
 
@@ -237,6 +252,6 @@ class Settings:
         """
         return updated(self, values)
 
-    def flat(self):
+    def flat(self) -> dict[str, Any]:
         """Return a dict of flat names (`'range.min_depth'`) to values."""
         return flat(self)

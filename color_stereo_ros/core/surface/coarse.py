@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The coarse search of the surface method: semi-global, over all disparities, on few nodes."""
 
 from dataclasses import dataclass
@@ -7,12 +20,12 @@ import math
 import cv2
 import numpy as np
 
-from ..compiled import BANDS
-from ..curves import CostCurve
-from ..triangulation import search_interval
 from .coarse_kernels import (
     add_turned, cost_volume, count_rivals, reduce_colors, sgm_paths, winners)
 from .grid_kernels import F4, PAD
+from ..compiled import BANDS
+from ..curves import CostCurve
+from ..triangulation import search_interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +117,7 @@ class CoarseSearch:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
 
         Returns
         -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Kernels of the coarse search: bare arrays in and out; `coarse` gives them meaning.
 
@@ -13,9 +26,9 @@ import math
 
 import numpy as np
 
-from ..compiled import band, banded, LENGTH, part, stack_integers
 from .grid_kernels import F4, FAST, I4, PAD
 from .tuning import TUNING
+from ..compiled import band, banded, LENGTH, part, stack_integers
 
 I2 = np.int16
 LARGEST = I2(32767)
@@ -70,7 +83,7 @@ def reduce_colors(k, u, v, s, top, left, step_x, step_y, softening, scale, full_
 def cost_line(left_u, left_v, left_t, left_w, low_u, low_v, high_u, high_v, right_t, right_w, cap,
               neutral, out):
     """
-    Matching costs of one line of nodes at one disparity, int16.
+    Write the matching costs of one line of nodes at one disparity, int16.
 
     Colors between low and high cost nothing. A dark pixel on either side moves the cost towards
     `neutral`, which favors no disparity.

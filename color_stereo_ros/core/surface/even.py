@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Makes the two views of a pair alike: the sharper one is blurred, colors are changed."""
 
 import math
@@ -277,6 +290,7 @@ def oblique_kernel(covariance, step_x, tuning):
     step_x : float
         Columns per node.
     tuning : UnlikeTuning
+        Constants of this stage.
 
     Returns
     -------
@@ -336,12 +350,15 @@ def recolor(view, gamma, log_gain, matrix, tuning):
     Parameters
     ----------
     view : View
+        One of the two views.
     gamma : float
         Added to the exponent of the channels.
     log_gain : numpy.ndarray, float32, shape (3, h, w)
+        Logarithm of the gain of each channel.
     matrix : numpy.ndarray, shape (2, 2)
         Added to the unit matrix; applied last.
     tuning : UnlikeTuning
+        Constants of this stage.
 
     """
     least = F4(tuning.least_share)
@@ -368,11 +385,13 @@ def soften(view, variance, softening, tuning):
     Parameters
     ----------
     view : View
+        One of the two views.
     variance : numpy.ndarray, float32, shape (2, h, w)
         By how much along rows and along columns, px^2, 0 or more.
     softening : numpy.float32
         See `view_kernels.sample_colors`.
     tuning : UnlikeTuning
+        Constants of this stage.
 
     """
     step = 2 // view.columns_per_node

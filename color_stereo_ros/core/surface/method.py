@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The surface method: coarse to fine, with a slanted plane at every node.
 
@@ -34,10 +47,6 @@ from functools import partial
 
 import numpy as np
 
-from ..compiled import Arena
-from ..patterns.expectation import Expectation
-from ..projector.finding import Reason
-from ..rows.alignment import COUNT
 from .aligning import Aligner, doubt
 from .bends import Bends
 from .brightness import BrightnessCarrier, without_color
@@ -59,6 +68,10 @@ from .third.view import ThirdView
 from .trust import Trust
 from .tuning import detailed_tuning, tuning_for
 from .views import Views
+from ..compiled import Arena
+from ..patterns.expectation import Expectation
+from ..projector.finding import Reason
+from ..rows.alignment import COUNT
 
 
 class SurfaceMethod:
@@ -236,8 +249,11 @@ class SurfaceMethod:
         verdict : Verdict
             Of the two cameras; stays as it is.
         pair : PairModel
+            What the two views of the pair differ by.
         given : Given
+            What is known of the projector before the pair.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         Returns
         -------
@@ -264,6 +280,7 @@ class SurfaceMethod:
         left : numpy.ndarray, uint8, shape (H, W, 3)
             Raw RGB image.
         clock : Stopwatch
+            Takes the durations of the stages.
         given : Given
             Its track has a model.
 
@@ -306,10 +323,13 @@ class SurfaceMethod:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
             After all rounds.
         pair : PairModel
+            What the two views of the pair differ by.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         """
         solver = self.least_squares
@@ -345,9 +365,13 @@ class SurfaceMethod:
         Parameters
         ----------
         verdict : Verdict
+            What is believed of each node.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         alignment : Alignment or None
+            What is known of the rows; None: it is not measured.
 
         """
         inner = self.views.grid.inner
@@ -417,6 +441,7 @@ class SurfaceMethod:
         applied : numpy.ndarray, float64, shape (7,)
             By which the rows of the right view are corrected, px.
         clock : Stopwatch
+            Takes the durations of the stages.
         looks : sequence of two Look, optional
             As `Views.load` takes them.
 
@@ -594,10 +619,13 @@ class SurfaceMethod:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
             Equal cameras, plausible noise.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         Returns
         -------
@@ -622,11 +650,13 @@ class SurfaceMethod:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
             After the first round.
         pair : PairModel
             As the first round has measured it.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         Returns
         -------
@@ -741,10 +771,13 @@ class SurfaceMethod:
         turn : int
             Number of the round, from 1: the seeds had round 0.
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
             As the first round has measured it.
         clock : Stopwatch
+            Takes the durations of the stages.
 
         """
         solver, edges = self.least_squares, planes.tiles

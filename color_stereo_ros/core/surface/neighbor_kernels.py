@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Kernels of the surface method: nodes try the planes of neighbors; see `grid_kernels`."""
 
 import numpy as np
 
-from ..compiled import band, banded, part, stack_array, stack_row
 from .grid_kernels import (
     any_above, copy_tile, F4, FAST, foreshortening, NAN, PAD, PHASE_VARIANCE, SILENT_VARIANCE,
     TILE_COLUMNS, TILE_ROWS)
 from .texture_kernels import add_patch_brightness
 from .tuning import TUNING
+from ..compiled import band, banded, part, stack_array, stack_row
 
 # Constants of `tuning`, compiled into the kernels.
 HALO, PATCH_MARGIN = TUNING.neighbors.halo, TUNING.neighbors.patch_margin
@@ -23,12 +36,12 @@ stack_patch = stack_array(F4, PATCH_ROWS, PATCH_COLUMNS)
 def patch_misfit(left_u, left_v, left_var, right_u, right_v, right_var, psf, matrix, scale, cap,
                  d, a, b, top, left, step_y, step_x, out):
     """
-    Truncated misfit of one tile and its halo under the planes of nodes (step_y, step_x) away.
+    Write the misfits of a tile and its halo under the planes of nodes (step_y, step_x) away.
 
-    The left view is blurred as the plane demands, see `foreshortening`. `cap` where the plane is
-    unknown or leads outside the right image; the share NEUTRAL_SHARE of it where the right image
-    is too dark to tell. The slope of the colors is taken before the color matrix; `linearize`
-    takes it after the matrix.
+    They are truncated: `cap` where the plane is unknown or leads outside the right image, the
+    share NEUTRAL_SHARE of it where the right image is too dark to tell. The left view is blurred
+    as the plane demands, see `foreshortening`. The slope of the colors is taken before the color
+    matrix; `linearize` takes it after the matrix.
 
     """
     width = right_u.shape[1]

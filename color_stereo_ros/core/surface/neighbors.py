@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Propagation: nodes near depth edges try the planes of their neighbors."""
 
 from .grid_kernels import F4
@@ -14,13 +27,19 @@ def propagate_planes(views, planes, pair, tiles, turn, tuning, brightness):
     Parameters
     ----------
     views : Views
+        Both views as the method sees them.
     planes : PlaneField
+        The planes of the nodes so far.
     pair : PairModel
+        What the two views of the pair differ by.
     tiles : numpy.ndarray, int32, shape (N, 2)
+        Row and column of the tiles, in nodes.
     turn : int
         Number of the round, from 1.
     tuning : NeighborTuning
+        Constants of this stage.
     brightness : BrightnessCarrier
+        The brightness of both views.
 
     """
     steps = tuning.steps[min(turn, len(tuning.steps)) - 1]

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What holds for all nodes of one pair: how colors map from right to left, how much noise."""
 
 from dataclasses import dataclass, replace
@@ -32,11 +45,13 @@ class PairModel:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
             With the misfit under this model.
         match_colors : bool
             Measure `matrix`, too.
         tuning : Tuning
+            Constants of the method.
 
         Returns
         -------
@@ -60,8 +75,8 @@ class PairModel:
         scale = F4(np.clip(quartile / tuning.pair.quartile, *tuning.pair.scale_limits))
         if not match_colors:
             return replace(self, scale=scale)
-        return replace(self, scale=scale, matrix=color_matrix(views, planes, scale, tuning,
-                                                               misfit))
+        matrix = color_matrix(views, planes, scale, tuning, misfit)
+        return replace(self, scale=scale, matrix=matrix)
 
 
 def sampled_lines(tuning):
@@ -96,11 +111,13 @@ def color_matrix(views, planes, scale, tuning, misfit=None):
     Parameters
     ----------
     views : Views
+        Both views as the method sees them.
     planes : PlaneField
         With the misfit of neutral colors and noise.
     scale : numpy.float32
         Of the `PairModel` that is being measured.
     tuning : Tuning
+        Constants of the method.
     misfit : numpy.ndarray, float32, framed, optional
         NaN at nodes that do not count; default: that of planes.
 

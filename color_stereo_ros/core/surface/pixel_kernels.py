@@ -1,13 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Kernels of the surface method: from nodes to pixels; see `grid_kernels`."""
 
 import numpy as np
 
-from ..status_codes import INCONSISTENT, OUT_OF_RANGE, VALID
-from ..compiled import band, banded, part, stack_row
 from .grid_kernels import F4, FAST, NAN, PAD, TILE_COLUMNS
 from .trust_kernels import HIGHEST_ODDS, HOPELESS_ODDS, LOWEST_ODDS
 from .tuning import TUNING
+from ..compiled import band, banded, part, stack_row
+from ..status_codes import INCONSISTENT, OUT_OF_RANGE, VALID
 
 OWN_SHARE = F4(TUNING.pixels.own_share)  # compiled into the kernels
 

@@ -1,11 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """From nodes to pixels: the planes are evaluated and triangulated at every pixel."""
 
 import numpy as np
 
-from ..results import Measurement
 from .grid_kernels import F4
 from .pixel_kernels import expand
+from ..results import Measurement
 
 
 def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None, lines=None):
@@ -15,8 +28,11 @@ def measured_pixels(planes, verdict, geometry, limits, least_odds, beyond=None, 
     Parameters
     ----------
     planes : PlaneField
+        The planes of the nodes so far.
     verdict : Verdict
+        What is believed of each node.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     limits : numpy.ndarray, float32, shape (2,)
         Smallest and largest disparity, px.
     least_odds : numpy.float32

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The planes of all nodes: seeded by the coarse search, fitted by least squares."""
 
 from contextlib import contextmanager
@@ -88,6 +101,7 @@ class PlaneField:
         Parameters
         ----------
         seeds : Seeds
+            The disparities of the coarse search.
 
         Returns
         -------
@@ -142,7 +156,9 @@ class PlaneField:
         Parameters
         ----------
         tiles : numpy.ndarray, int32, shape (N, 2)
+            Row and column of the tiles, in nodes.
         views : Views
+            Both views as the method sees them.
         halo : int
             Nodes around a tile that the surface must fill, too.
         step : numpy.float32
@@ -204,14 +220,19 @@ class LeastSquares:
         Compare the nodes of some tiles with the places that their disparities point to.
 
         Writes planes.misfit and the linearized nodes in these tiles only; all others keep theirs.
-        lines: the first line of nodes of a tile that is compared, and their distance.
 
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         tiles : numpy.ndarray, int32, shape (N, 2)
+            Row and column of the tiles, in nodes.
+        lines : (int, int)
+            The first line of nodes of a tile that is compared, and their distance.
 
         Returns
         -------
@@ -234,10 +255,15 @@ class LeastSquares:
         Parameters
         ----------
         linearized : Linearized
+            The slopes of the misfit at the planes.
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         tiles : numpy.ndarray, int32, shape (N, 2)
+            Row and column of the tiles, in nodes.
         turn : int
             Number of the round, from 0.
 

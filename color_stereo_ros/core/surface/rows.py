@@ -1,16 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """By how much the rows of the two views disagree, measured at the matches of a pair."""
 
 import cv2
 import numpy as np
 
-from ..rows.alignment import RowEvidence, terms
-from ..rows.estimate import median, significant, updated, warm
-from ..rows.tuning import TUNING as ROWS
 from .grid_kernels import F4
 from .row_kernels import (
     CELL, CELL_STEP, COUNT, DISPARITY, INFORMATION, MISFIT, PLACE, PULL, QUANTITIES, row_cells,
     STRUCTURE)
+from ..rows.alignment import RowEvidence, terms
+from ..rows.estimate import median, significant, updated, warm
+from ..rows.tuning import TUNING as ROWS
 
 
 class RowTracker:
@@ -52,8 +65,11 @@ class RowTracker:
         views : Views
             The right one with its rows corrected by prior.applied.
         planes : PlaneField
+            The planes of the nodes so far.
         pair : PairModel
+            What the two views of the pair differ by.
         prior : Alignment
+            What is known of the rows before the pair.
         brightness : BrightnessCarrier, optional
             Where it is active its rows count beside those of the colors.
 
@@ -119,7 +135,9 @@ class RowTracker:
         Parameters
         ----------
         planes : PlaneField
+            The planes of the nodes so far.
         alignment : Alignment
+            What is known of the rows.
 
         """
         if not (alignment.known and (alignment.applied.any() or significant(alignment))):

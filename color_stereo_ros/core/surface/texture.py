@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Search over all disparities in pixels, for what color alone does not tell."""
 
 import math
@@ -124,6 +137,7 @@ def matched(matcher, images, first, count):
     matcher : cv2.StereoMatcher
         Of count disparities from 0 on.
     images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
+        Left and right, reduced.
     first, count : int
         Smallest disparity and number of them, columns.
 
@@ -150,6 +164,7 @@ def likeness(images, disparity, window):
     Parameters
     ----------
     images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
+        Left and right, reduced.
     disparity : numpy.ndarray, float32, shape (h, w)
         Columns of the right image, NaN = unknown.
     window : int
@@ -202,6 +217,7 @@ def detail(carriers, tuning):
     carriers : list of (numpy.ndarray, numpy.ndarray)
         Values and variances at the nodes, float32 (rows, columns).
     tuning : BrightnessTuning
+        Constants of this stage.
 
     Returns
     -------

@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Kernels of the surface method: brightness as a carrier beside color; see `grid_kernels`."""
 
 import numpy as np
 
-from ..compiled import band, banded, part, stack_row
 from .grid_kernels import (
     F4, FAST, foreshortening, NAN, PAD, PHASE_VARIANCE, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
 from .tuning import TUNING
+from ..compiled import band, banded, part, stack_row
 
 # Constants of `tuning`, compiled into the kernels.
 BRIGHTNESS_CAP = F4(TUNING.brightness.brightness_cap)
@@ -25,7 +38,7 @@ def local_colors(k, u, v, s, mean, row, column, offset, level, out):
     """
     rows, columns, channels = out.shape
     first, last = band(k, rows)
-    third, half, root = F4(1 / 3), F4(0.5), F4(1 / np.sqrt(3.0))
+    half, root = F4(0.5), F4(1 / np.sqrt(3.0))
     for j in range(first, last):
         us, vs, light, around = u[row + j], v[row + j], s[row + j], mean[row + j]
         for i in range(columns):

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Trust: how far each node can be believed, how precise it is, and why some have no range."""
 
 from dataclasses import dataclass
@@ -7,11 +20,11 @@ import math
 import cv2
 import numpy as np
 
-from ..compiled import BANDS
-from ..status import Status
 from .grid_kernels import F4
 from .trust_kernels import (
     APART, brightness_balance, distrust_islands, find_hidden, rescale_std, settle, weigh_evidence)
+from ..compiled import BANDS
+from ..status import Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +101,11 @@ class Trust:
         Parameters
         ----------
         views : Views
+            Both views as the method sees them.
         planes : PlaneField
+            The planes of the nodes so far.
         seeds : Seeds
+            The disparities of the coarse search.
         confirmed : numpy.ndarray, float32, shape (rows, columns), optional
             Added to the log-odds of the nodes.
         light : numpy.ndarray, float32, framed, optional
@@ -250,6 +266,7 @@ class Trust:
         Parameters
         ----------
         verdict : Verdict
+            What is believed of each node.
         assumed : numpy.ndarray, float32, shape (rows, columns)
             Variances as `judge` has taken them, px^2.
         variance : numpy.ndarray, float32, framed

@@ -1,15 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Kernels of the surface method: how far a node can be trusted; see `grid_kernels`."""
 
 import math
 
 import numpy as np
 
-from ..status_codes import (
-    AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
-from ..compiled import band, banded, BANDS, LENGTH, part, serial, stack_row
 from .grid_kernels import F4, FAST, I4, PAD, TILE_COLUMNS
 from .tuning import TUNING
+from ..compiled import band, banded, BANDS, LENGTH, part, serial, stack_row
+from ..status_codes import (
+    AMBIGUOUS, DARK, IMPLAUSIBLE, INCONSISTENT, NO_MATCH, OUT_OF_RANGE, OUTSIDE_IMAGE, SATURATED)
 
 EVIDENCE = 'cost', 'misfit', 'sigma', 'apart', 'imbalance'
 APART = EVIDENCE.index('apart')

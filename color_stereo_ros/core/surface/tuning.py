@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 All constants of the surface method: value, unit, reason and provenance of each.
 
@@ -14,8 +27,8 @@ of two chromaticities over its variance. A revision such as 53fe5ba is one of th
 from dataclasses import dataclass, replace
 import math
 
-from ..constants import Change, changed, chosen, constant, Constants, derived, unexplained
 from .fitted import load_model
+from ..constants import Change, changed, chosen, constant, Constants, derived, unexplained
 
 FIRST = 'The value of the first version (3f22c9b).'
 TRUST = load_model('trust')
@@ -231,8 +244,9 @@ class ViewTuning(Constants):
         unexplained('Cameras of one type stay below it under an aperiodic pattern (61b5d22).'))
     unlike_contrast: float = constant(
         2.5, '1', 'Ratio of the contrasts of the colors of both views from which the weaker one '
-        'is raised.', chosen('Gamma or crosstalk .15 in one camera: 1.4 to 1.9, which the color '
-                          'matrix mends. Crosstalk .3: 10, and no node matches.'), off=math.inf)
+        'is raised.',
+        chosen('Gamma or crosstalk .15 in one camera: 1.4 to 1.9, which the color matrix mends. '
+               'Crosstalk .3: 10, and no node matches.'), off=math.inf)
     left_contrast: float = constant(
         2.0, '1', 'Ratio of the contrasts that is left to the color matrix.',
         chosen('1 and 1.5: no ranges on effector_bin, whose dim nodes then drown in noise; '
@@ -923,7 +937,7 @@ class BrightnessTuning(Constants):
         unexplained('Lies between the defaults of the two matchers of OpenCV.'))
     agreement: int = constant(
         1, 'px', 'Largest difference of the matches left to right and right to left.',
-        unexplained('As in the evaluation of OpenCV\'s matchers.'))
+        unexplained("As in the evaluation of OpenCV's matchers."))
     many_disparities: int = constant(
         96, 'px', 'Number of disparities above which a small pair tells which of them occur.',
         unexplained('That search takes as long as 16 disparities of the large one.'))
@@ -1247,7 +1261,7 @@ class PixelTuning(Constants):
     """From nodes to pixels."""
 
     own_share: float = constant(
-        0.25, '1', "Share of a node in the log-odds of its pixels; the rest is interpolated.",
+        0.25, '1', 'Share of a node in the log-odds of its pixels; the rest is interpolated.',
         chosen('False ranges .59 -> .56 % at .002 higher density (912678e).'), compiled=True)
     limit_margin: float = constant(
         0.5, 'px', 'By how much a plane may leave the disparity limits where its pixels do not.',
@@ -1303,6 +1317,8 @@ PERIODIC = {  # under a pattern whose parts do not hold all colors alike
     'views.dark_needs_black': Change(True, derived(
         'Channels that are never dark would lose a part of their light.')),
 }
+
+
 def slow(radius):
     """Return the changes under colors that change slowly and are averaged over a radius, nodes."""
     return {

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 By how much the two views of a pair differ in blur and color, measured at matched nodes.
 
@@ -68,7 +81,9 @@ def sampled(views, planes, step_y, step_x):
     Parameters
     ----------
     views : Views
+        Both views as the method sees them.
     planes : PlaneField
+        The planes of the nodes so far.
     step_y, step_x : int
         Nodes.
 
@@ -226,7 +241,7 @@ class Regression:
         self.solve(np.stack(terms), turns)
 
     def terms(self, blur, color):
-        """Return names, terms (2, N) and standard deviations of the prior."""
+        """Return names, terms of shape (2, N) and standard deviations of the prior."""
         samples, tuning = self.samples, self.tuning
         names, terms, prior = [], [], []
         if blur:
@@ -309,6 +324,7 @@ class Regression:
         bin_size : int
             Raw rows per bin.
         bins : (int, int)
+            Number of bins of left and right.
 
         Returns
         -------

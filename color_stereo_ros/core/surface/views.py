@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 The colors of one camera on its half grid.
 
@@ -14,14 +27,14 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 
-from ..cameras.rectification import inside_image, raw_coordinates
-from ..compiled import BANDS
 from .gains import channel_gains
 from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .moving import MovedRows
 from .raw_faults import Looker, LUMA, quantization, without_hot_pixels
 from .view_kernels import box_sums, channel_levels, sample_colors
+from ..cameras.rectification import inside_image, raw_coordinates
+from ..compiled import BANDS
 
 ROOT12 = F4(2 * math.sqrt(3.0))
 
@@ -348,6 +361,7 @@ class View:
         gain : numpy.ndarray, float32, shape (3,)
             Of the channels.
         color : ColorSettings
+            The group `color` of the settings.
         smoothing : (float, float), optional
             Of a compressed image, whose luma is sharper than its chroma: see `sharpen_by_luma`.
 
@@ -482,6 +496,7 @@ def half_grid_index(camera, rows, columns, step_x, shape, places):
     Parameters
     ----------
     camera : CameraModel
+        One camera of the pair.
     rows, columns : int
         Nodes; node (j, i) has its center at column step_x i + 0.5, row 2 j + 0.5.
     step_x : int

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Fit how certain the third view makes pairs that two cameras find hard.
 
@@ -11,11 +24,11 @@ sure ones that is larger than with two cameras by more than PERMITTED.
 
 import numpy as np
 
-from ...core import ColorStereo
-from ...core.pipeline import KERNELS
-from ..metrics import RIGHT, SURE
 from . import disturbed
 from .doubts import pixels_of
+from ..metrics import RIGHT, SURE
+from ...core import ColorStereo
+from ...core.pipeline import KERNELS
 
 SCENES = QUICK_SCENES = 'casting', 'effector_bin', 'airplane', 'printed'
 CASES = (('blur_left', 3.0), ('blur_both', 3.0), ('blur_right', 3.0), ('motion_right', 9.0),

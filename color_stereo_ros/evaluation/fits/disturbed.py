@@ -1,11 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Pairs of disturbed rigs with truth, for the fits: the light of `evaluate --stress`."""
 
-from ...core import Settings
+from .pairs import Pair
 from ..stress.disturbances import DISTURBANCES
 from ..stress.light import LightScenes
 from ..stress.shot import Shots
-from .pairs import Pair
+from ...core import Settings
 
 SCENES = 'casting', 'effector_bin'
 APERIODIC = ('blur_right', 'blur_both', 'motion_right', 'jpeg', 'full_well', 'exposure', 'ambient',

@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Simulated pairs with truth, for the fits."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...core import make_pattern, PatternSettings, Settings
 from ..third_view import true_projector
+from ...core import make_pattern, PatternSettings, Settings
 
 SCENES = ('solids', 'prism', 'casting', 'nut', 'printed', 'thin', 'corner', 'bin', 'airplane',
           'tilt_50', 'effector_bench', 'effector_bin', 'effector_nut', 'effector_thin',
@@ -46,7 +59,9 @@ def simulated(name, pattern=PatternSettings(), cache=None, seed=1, quick=False):
     Parameters
     ----------
     name : str
+        Of the scene.
     pattern : PatternSettings
+        Of the pattern that is projected.
     cache : path-like or None
         Folder that keeps what does not depend on the pattern.
     seed : int

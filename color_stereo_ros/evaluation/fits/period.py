@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Fit the log-odds that a node has the right period of the pattern (models/period.yaml)."""
 
 import numpy as np
 
-from ...core import PatternSettings
-from ...core.constants import replaced
-from ...core.surface.tuning import TUNING
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares, logistic_fit
+from ...core import PatternSettings
+from ...core.constants import replaced
+from ...core.surface.tuning import TUNING
 
 SCENES = ('effector_bench', 'nut', 'solids', 'printed', 'thin', 'casting', 'prism', 'bin',
           'corner')
@@ -56,6 +69,7 @@ def fitted_odds(samples):
     Parameters
     ----------
     samples : list of (clear_share, right)
+        Of pairs whose truth is known.
 
     """
     clear, right = (np.concatenate(part) for part in zip(*samples))

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Logistic regression, as all fits of log-odds need it."""
 
 import numpy as np
@@ -9,7 +22,7 @@ LARGEST_ODDS = 50.0  # beyond, exp overflows and probabilities are 0 and 1
 
 def equal_shares(counts):
     """Return the weight of every sample, float64, so that each pair counts alike; sum 1."""
-    counts = [count for count in counts]
+    counts = list(counts)
     used = sum(count > 0 for count in counts)
     return np.concatenate([np.full(count, 1 / max(count, 1) / max(used, 1)) for count in counts])
 
@@ -21,7 +34,9 @@ def logistic_fit(inputs, right, share, hold, offset=0.0):
     Parameters
     ----------
     inputs : numpy.ndarray, float64, shape (N, K)
+        What the probability depends on.
     right : numpy.ndarray, bool, shape (N,)
+        Whether the sample is right.
     share : numpy.ndarray, float64, shape (N,)
         Weight of every sample.
     hold : float or numpy.ndarray, shape (K,)

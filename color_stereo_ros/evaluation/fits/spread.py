@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Fit the standard deviation of a node to its error (models/spread.yaml)."""
 
 import numpy as np
 
-from ...core.surface.trust_kernels import APART
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares
+from ...core.surface.trust_kernels import APART
 
 STEPS = 50       # of the scoring method: it converges in about ten
 LEAST = 1e-8     # px^2, of a variance

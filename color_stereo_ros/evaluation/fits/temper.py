@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Fit the log-odds of surfaces that no aperiodic colors tell apart (models/temper.yaml)."""
 
 import numpy as np
 
-from ...core.pipeline import KERNELS, Stopwatch
 from . import disturbed
 from .nodes import method_with, pattern_tuning
 from .regression import equal_shares, logistic_fit
+from ...core.pipeline import KERNELS, Stopwatch
 
 SCENES = QUICK_SCENES = ('casting', 'effector_bin', 'airplane', 'effector_nut', 'printed',
                          'tilt_30')

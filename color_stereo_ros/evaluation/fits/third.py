@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Fit the trust in the third view and what it says of two cameras (models/third.yaml)."""
 
 from dataclasses import dataclass
@@ -6,16 +19,16 @@ from pathlib import Path
 
 import numpy as np
 
+from .pairs import Pair, simulated
+from .regression import equal_shares, logistic_fit
+from .spread import fitted_spread, LEAST
+from .trust import products, quadratic_form
 from ...core import ColorStereo, make_pattern, Settings
 from ...core.projector.finding import ProjectorFinder
 from ...core.projector.patches import Measured
 from ...core.surface.third.fusion import APART_OF_NEIGHBORS, MODEL_NAMES
 from ...core.surface.third.fusion_kernels import AGREE, APART, FIRM
 from ...core.surface.third.tuning import TUNING
-from .pairs import Pair, simulated
-from .regression import equal_shares, logistic_fit
-from .spread import fitted_spread, LEAST
-from .trust import products, quadratic_form
 
 RIGHT = 1.0  # px: what confidence means
 STIFF = 1e-3  # as in `trust`
@@ -164,6 +177,7 @@ def samples_from(stereo, disparity, alone):
     Parameters
     ----------
     stereo : ColorStereo
+        The sensor.
     disparity : numpy.ndarray, shape (H, W)
         Truth, px; where it is NaN nothing counts.
     alone : numpy.ndarray, bool, shape (H, W)

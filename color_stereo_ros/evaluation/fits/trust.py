@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Fit the log-odds that a node is right, from its evidence (models/trust.yaml)."""
 
 import numpy as np
 
-from ...core.constants import replaced
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares, logistic_fit
+from ...core.constants import replaced
 
 ROUNDS = 3      # the trust decides who hides whom, and that is evidence again
 FIRM = 1e-3     # per variance of a product: the form stays tame where no scene has been
@@ -27,7 +40,9 @@ def fit(pairs, options):
     Parameters
     ----------
     pairs : list of Pair
+        With truth.
     options : Options
+        Of the fit.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Linear light of simulated scenes, kept in a folder, from which every disturbed pair is made.
 
@@ -14,11 +27,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from . import patterns
+from ..metrics import Truth
 from ...core import make_pattern, PatternSettings, StereoCalibration
 from ...core.triangulation import disparity_from_depth
 from ...files.atomic import folder_written_whole
-from ..metrics import Truth
-from . import patterns
 
 FORMAT = 1     # raised when the meaning of kept files changes
 SCALE = 2      # fine pixels in each pixel along either axis
@@ -89,6 +102,7 @@ class LightScene:
         Parameters
         ----------
         mounting : Mounting
+            How the cameras are mounted.
 
         Returns
         -------
@@ -168,6 +182,7 @@ def render(scene, samples=SAMPLES, shown=None):
     Parameters
     ----------
     scene : color_stereo_ros.sim.Scene
+        What is rendered.
     samples : int
         Samples per fine pixel along either axis.
     shown : iterable, optional
@@ -246,6 +261,7 @@ def print_in_space(position, seed=3):
     position : numpy.ndarray, float32, shape (H, W, 3)
         m.
     seed : int
+        Of the random numbers.
 
     Returns
     -------

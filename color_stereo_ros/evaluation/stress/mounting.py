@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 A right camera that is not where its calibration says, or has another lens.
 
@@ -12,8 +25,8 @@ from dataclasses import dataclass, fields
 import cv2
 import numpy as np
 
-from ...core.cameras.lenses import LENSES
 from .warp_kernels import bicubic
+from ...core.cameras.lenses import LENSES
 
 
 @dataclass(frozen=True)
@@ -90,7 +103,9 @@ class Mounting:
         Parameters
         ----------
         raw : numpy.ndarray, float64, shape (N, 2)
+            Column and row in the raw image.
         camera : color_stereo_ros.core.CameraModel
+            One camera of the pair.
 
         Returns
         -------
@@ -111,6 +126,7 @@ class Mounting:
         light : numpy.ndarray, float32, shape (scale (H + 2 margin), scale (W + 2 margin), 3)
             What the calibrated camera sees, finer and beyond its border.
         camera : color_stereo_ros.core.CameraModel
+            One camera of the pair.
         scale : int
             Fine pixels in each pixel along either axis.
         margin : int

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The page of the stress test: curves over the severity, one self-contained HTML file."""
 
 from html import escape
@@ -6,13 +19,13 @@ from html import escape
 from matplotlib.figure import Figure
 import numpy as np
 
-from ...files.atomic import write_text
-from ...pages.html import CSS, figure, note, section, table
-from ...pages.plots import as_svg, plain_numbers, styled
+from .runs import averages, verdict
 from ..opencv_matchers import METHODS as OPENCV
 from ..plots import color_of, label_of
 from ..report import formatted
-from .runs import averages, verdict
+from ...files.atomic import write_text
+from ...pages.html import CSS, figure, note, section, table
+from ...pages.plots import as_svg, plain_numbers, styled
 
 COLUMNS = (
     ('density', 'density', '{:.3f}', 1, 'share of the visible pixels that have a range'),
@@ -44,14 +57,14 @@ GROUPS = {'none': 'As calibrated', 'geometry': 'Geometry', 'optics': 'Optics',
           'together': 'Several at once', 'refusal': 'Pairs without an answer',
           'sequence': 'Sequences'}
 
-HTML = '''<!DOCTYPE html>
+HTML = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>color_stereo: stress test</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{css}
 figure svg {{ max-width: 100%; }}</style></head>
 <body><header><div><h1>Rigs as people have them</h1>
 <p>One disturbance at a time on the simulated rig, with exact truth, beside OpenCV's matchers on
 the same pairs.</p></div></header><main>{body}</main></body></html>
-'''
+"""
 
 
 def cells_of(figures):
@@ -69,6 +82,7 @@ def write_page(path, cases, by_case, methods, facts):
     path : pathlib.Path
         Of the HTML file; it appears only when it is complete.
     cases : list of Case
+        The disturbances that were tried.
     by_case : dict of Case to list of dict
         Records of `StressTest.run`.
     methods : sequence of str

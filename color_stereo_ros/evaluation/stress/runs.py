@@ -1,20 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Runs methods under every disturbance; plain data for the table and the page come out."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...core import Settings, SettingsError
-from ...core.cameras.rectification import Rectifier
+from .disturbances import chosen, DISTURBANCES
+from .light import MAIN, QUICK
+from .shot import moved, Shots
 from .. import opencv_matchers
 from ..ablation import switches
 from ..methods import own_settings
 from ..metrics import Truth, words
 from ..tuned import stereo_for
-from .disturbances import chosen, DISTURBANCES
-from .light import MAIN, QUICK
-from .shot import moved, Shots
+from ...core import Settings, SettingsError
+from ...core.cameras.rectification import Rectifier
 
 METHODS = ('surface', 'sgbm', '3way')
 SEQUENCE = 7
@@ -120,6 +133,7 @@ class StressTest:
         Parameters
         ----------
         case : Case
+            The disturbance.
 
         Returns
         -------
@@ -198,6 +212,7 @@ def with_switches(plan):
     Parameters
     ----------
     plan : StressPlan
+        What is run.
 
     Returns
     -------
@@ -220,6 +235,7 @@ def averages(records, method, pair=None):
     records : list of dict
         Of one case.
     method : str
+        A matching method, or a matcher of OpenCV.
     pair : int, optional
         Default: the last one.
 
@@ -256,7 +272,9 @@ def verdict(cases, by_case, own, rival):
     Parameters
     ----------
     cases : list of Case
+        The disturbances that were tried.
     by_case : dict of Case to list of dict
+        The figures of the runs.
     own, rival : str
         Methods.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """From the light of a scene to the pair that a disturbed rig takes of it."""
 
 from dataclasses import replace
@@ -6,9 +19,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ...core import ImageError
 from .rig import CAMERA
 from .warp_kernels import bicubic
+from ...core import ImageError
 
 LENS_BLUR = 0.5   # px, standard deviation of every lens
 INK = np.float32([1.0, 0.85, 0.7])  # share of red, green and blue that full print takes
@@ -51,6 +64,7 @@ class Shots:
         Parameters
         ----------
         rig : StressRig
+            The disturbed cameras.
         number : int
             Of the pair: another number is other noise.
         gains : tuple of 3 floats

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The service ~/capture: measures a pair, or several, that are exposed after the call."""
 
 from dataclasses import dataclass, field, replace
@@ -10,10 +23,10 @@ from rclpy.qos import QoSProfile
 
 from std_msgs.msg import Header
 
+from ..filling import message_of
 from ...core.fusion import Fusion
 from ...messages.capture_calls import Arrival, Basis, Call, CaptureCalls
 from ...messages.clock_relation import both_clocks, Moment
-from ..filling import message_of
 
 _NS = 1_000_000_000
 
@@ -139,8 +152,8 @@ class Capture:
             self._calls.rest(round(now * _NS))
             if not self._holds():
                 self._answer_by_pair_alone(round(now * _NS))
-            calls = [] if self._holds() else self._calls.expired(round(now * _NS),
-                                                                round(timeout * _NS))
+            calls = [] if self._holds() else self._calls.expired(
+                round(now * _NS), round(timeout * _NS))
             late = [shot for shot in self._shots if self._is_over(shot, now, timeout)]
             self._shots = [shot for shot in self._shots if shot not in late]
         for call in calls:

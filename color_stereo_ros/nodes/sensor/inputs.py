@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The input topics of range_node: what arrives, is refused, or is paired."""
 
 from functools import partial
@@ -10,13 +23,13 @@ from rclpy.serialization import deserialize_message
 
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from ..complaints import Complaints
+from ..following import FollowingSubscription
 from ...errors import bounded, brief, ImageError
 from ...messages.calibration_watch import CalibrationWatch, check_use
 from ...messages.decompressing import look_at
 from ...messages.reading import check_image, read_compressed_image, read_image, stamp_ns
 from ...messages.synchronizer import SIDES, Synchronizer
-from ..complaints import Complaints
-from ..following import FollowingSubscription
 
 _COMPRESSED = '/compressed'
 _TRANSPORTS = 'compressed', 'theora', 'ffmpeg', 'zstd'

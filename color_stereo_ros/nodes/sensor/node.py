@@ -1,13 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """range_node as a plain node and as a managed one: the same sensor inside."""
 
 from rclpy.lifecycle import Node as ManagedNode, TransitionCallbackReturn
 from rclpy.node import Node
 
-from ...parameters.groups import RangeNodeSettings
-from ..parameters import NodeParameters, Reloadable
 from .range_sensor import RangeSensor
 from .save import SaveFolder
+from ..parameters import NodeParameters, Reloadable
+from ...parameters.groups import RangeNodeSettings
 
 NAME = 'range_node'
 
@@ -87,6 +100,7 @@ def declare(node):
     Parameters
     ----------
     node : rclpy.node.Node
+        The node that spins.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The publishers of range_node: an output is computed when somebody listens, the points first."""
 
 import threading
@@ -8,13 +21,13 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from ..filling import message_class, Reused
+from ..qos import incompatible_policy
 from ...core.results import POINT_FIELDS
 from ...messages.cloud import cloud
 from ...messages.contents import Header
 from ...messages.outputs import OUTPUTS
 from ...messages.trimming import cropped
-from ..filling import message_class, Reused
-from ..qos import incompatible_policy
 
 _DEPTH = 4
 
@@ -116,7 +129,9 @@ class Outputs:
         Parameters
         ----------
         result : RangeResult
+            Of the pair.
         context : messages.outputs.Context
+            What the outputs of a pair share.
         on_first : callable
             Called when the first topic, the points, is done.
 

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Whether the pattern that pattern_node shows is the one that range_node expects."""
 
 from dataclasses import asdict
@@ -7,12 +20,12 @@ import threading
 
 from std_msgs.msg import String
 
+from ..following import FollowingSubscription
+from ..pattern_source import fingerprint
 from ...core.patterns.frames import PATTERN
 from ...core.patterns.making import make_pattern
 from ...core.patterns.registry import makable
 from ...errors import bounded, brief, ColorStereoError
-from ..following import FollowingSubscription
-from ..pattern_source import fingerprint
 
 _LONGEST = 10_000
 """Characters of a description; those of this package have some hundred."""

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The topic projector/camera_info: where the projector stands, latched."""
 
 import time
@@ -7,9 +20,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from sensor_msgs.msg import CameraInfo
 
-from ...messages.projector import projector_info, ProjectorNews, TOPIC
 from ..filling import message_of
 from ..pattern_source import latched
+from ...messages.projector import projector_info, ProjectorNews, TOPIC
 
 
 class ProjectorInfo:
@@ -36,6 +49,7 @@ class ProjectorInfo:
         Parameters
         ----------
         track : Track or None
+            What is known of the projector; None: it is not used.
         header : messages.contents.Header
             Whose stamp counts.
 

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The range sensor inside of range_node and its lifecycle twin: inputs, worker, outputs."""
 
 from rclpy.clock import Clock, ClockType
 
-from ...core.color_calibration import check_color
-from ...core.triangulation import disparity_limits
-from ...errors import bounded
-from ...messages.calibration_watch import check_use
-from ...messages.outputs import Context
-from ...messages.trimming import trimmed
 from .capture import Capture
 from .diagnostics import Diagnostics
 from .inputs import StereoInputs
@@ -19,6 +26,12 @@ from .save import Save
 from .services import ServiceThread
 from .static_frames import StaticFrames
 from .worker import Setup, Worker
+from ...core.color_calibration import check_color
+from ...core.triangulation import disparity_limits
+from ...errors import bounded
+from ...messages.calibration_watch import check_use
+from ...messages.outputs import Context
+from ...messages.trimming import trimmed
 
 _LOOK_AFTER_PERIOD = 0.25
 _WARN_PERIOD = 5.0

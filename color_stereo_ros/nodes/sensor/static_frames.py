@@ -1,11 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The transform between the physical and the rectified left camera on /tf_static."""
 
 from rclpy.event_handler import PublisherEventCallbacks
 
-from ...messages.frames import frames_of, TOPIC
 from ..filling import message_class, message_of
 from ..pattern_source import latched
+from ...messages.frames import frames_of, TOPIC
 
 _TYPE = 'tf2_msgs/msg/TFMessage'
 
@@ -35,7 +48,9 @@ class StaticFrames:
         frame_id : str
             Of the left image.
         calibration : StereoCalibration
+            Of the two cameras.
         settings : OutputSettings
+            The group `output` of the parameters.
 
         """
         asked = frame_id, calibration, settings.frame_id

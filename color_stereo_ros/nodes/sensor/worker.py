@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The one thread that computes: the latest pair in, a result out, errors contained."""
 
 from collections import deque
@@ -9,6 +22,10 @@ import traceback
 
 import numpy as np
 
+from .projector_search import ProjectorSearch
+from .row_search import RowSearch
+from ..complaints import Complaints
+from ..environment import name_thread
 from ...core.compiled import is_cached, told_of_compiling
 from ...core.doubts import Doubts
 from ...core.pipeline import ColorStereo
@@ -18,10 +35,6 @@ from ...messages.decompressing import opened
 from ...messages.reading import image_to_rgb
 from ...messages.significant_bits import SignificantBits
 from ...messages.synchronizer import LatestSlot
-from ..complaints import Complaints
-from ..environment import name_thread
-from .projector_search import ProjectorSearch
-from .row_search import RowSearch
 
 _KEPT = 300
 _PATIENCE = 2.0  # s

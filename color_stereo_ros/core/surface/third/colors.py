@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """What the left camera sees of the colors of the pattern, measured where two cameras know."""
 
 from dataclasses import dataclass
@@ -55,8 +68,11 @@ def fitted_colors(u, v, light, weight):
     Parameters
     ----------
     u, v : numpy.ndarray, shape (N,)
+        Column and row in the pattern, px.
     light : numpy.ndarray, shape (3, N)
+        Of the pattern at these places.
     weight : numpy.ndarray, shape (N,)
+        Of each place.
 
     Returns
     -------
@@ -106,7 +122,9 @@ def local_light(u, v, light, colors, variance, known):
     light : numpy.ndarray, float32, shape (3, h, w)
         Of the pattern; NaN = unknown.
     colors : numpy.ndarray, float32, shape (3, 4)
+        Affine map from the light of the pattern to the camera.
     known : numpy.ndarray, bool, shape (h, w)
+        Where the place in the pattern is known.
 
     Returns
     -------

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """Whether the projector is where it was, pair by pair; where it is not, it is searched."""
 
 from dataclasses import replace
@@ -6,12 +19,12 @@ import math
 
 import numpy as np
 
+from .sweep import prepared_for
+from .tuning import TUNING
 from ...projector.patches import Measured, warm
 from ...projector.tracking import aged, missed, Track
 from ...status import Status
 from ...status_codes import VALID
-from .sweep import prepared_for
-from .tuning import TUNING
 
 
 class Follower:
@@ -45,6 +58,7 @@ class Follower:
         Parameters
         ----------
         given : Given
+            What is known of the projector before the pair.
         two : callable
             Returns the Measurement of the two cameras, at some rows of pixels or at all.
 
@@ -93,6 +107,7 @@ class Follower:
         Parameters
         ----------
         given : Given
+            What is known of the projector before the pair.
         track : Track
             With a model and a smoothing.
         measurement : Measurement

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """One verdict of two cameras and projector: which plane a node gets, and how far it is trusted."""
 
 from dataclasses import dataclass
@@ -6,15 +19,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .fusion_kernels import (
+    decide, gather_evidence, PROJECTOR, sort_nodes, spread_planes, weigh_forms)
+from .sweep_kernels import cells_of_nodes, claim_cells, find_contested
+from .tuning import TUNING
 from ..grid_kernels import F4, PAD
 from ..trust import Verdict
 from ..trust_kernels import HOPELESS_ODDS as HOPELESS
 from ...status import Status
 from ...status_codes import VALID
-from .fusion_kernels import (
-    decide, gather_evidence, PROJECTOR, sort_nodes, spread_planes, weigh_forms)
-from .sweep_kernels import cells_of_nodes, claim_cells, find_contested
-from .tuning import TUNING
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +164,11 @@ class Fusion:
         Parameters
         ----------
         planes : PlaneField
+            The planes of the nodes so far.
         geometry : numpy.ndarray, float32, shape (rows, columns)
             Variance by the projector's geometry, px^2.
         share : float
+            Of the variance that both pairs of views have in common, 0..1.
 
         """
         tuning = TUNING.spread
@@ -168,11 +183,15 @@ class Fusion:
         Parameters
         ----------
         planes : PlaneField
+            The planes of the nodes so far.
         odds : numpy.ndarray, float32, shape (rows, columns)
+            Log-odds of each node.
         geometry : numpy.ndarray, float32, shape (rows, columns)
             As for `std`.
         lit : numpy.ndarray, bool, framed
+            Where the projector lights the surface.
         left : View
+            The left view.
 
         Returns
         -------
@@ -213,6 +232,7 @@ class Fusion:
         Parameters
         ----------
         found : Found
+            What left camera and projector have found.
         verdict : Verdict
             Of the two cameras; not changed.
         planes : PlaneField

@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The coarse search of the third view: semi-global, over disparities, on the left coarse grid."""
 
 import cv2
 import numpy as np
 
-from ...compiled import BANDS
-from ..coarse import Seeds
 from .sweep_kernels import (
     cheapest_disparities, PATHS, paths_along_columns, paths_along_rows, sum_windows, sweep_costs)
 from .tuning import TUNING
+from ..coarse import Seeds
+from ...compiled import BANDS
 
 F4 = np.float32
 I2 = np.int16
@@ -56,10 +69,13 @@ class SweepSearch:
         Parameters
         ----------
         pattern : BlurredPattern
+            The pattern as the camera sees it.
         size : numpy.ndarray, int64, shape (2,)
             Its height and width, px.
         colors : numpy.ndarray, float32, shape (3, 4)
+            Affine map from the light of the pattern to the camera.
         light : numpy.ndarray, float32, shape (3, h, w)
+            Of the pattern, local brightness.
         known : numpy.ndarray, float32, shape (h, w)
             Disparity that stereo knows, px; NaN = unknown.
         wanted : numpy.ndarray, bool, shape (h, w)

@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Where the pattern lights a node of the left image, as a function of the disparity.
 
@@ -15,8 +28,8 @@ cameras names one place of the pattern, along an epipolar line of any direction.
 import cv2
 import numpy as np
 
-from ...projector.adjustment import predicted, to_unknowns
 from .tuning import TUNING
+from ...projector.adjustment import predicted, to_unknowns
 
 F4 = np.float32
 
@@ -30,6 +43,7 @@ def sweep_matrix(model, geometry):
     model : ProjectorModel
         Its lens distortion is not part of the matrix, see `straightened`.
     geometry : RectifiedGeometry
+        Of the rectified pair.
 
     Returns
     -------
@@ -60,7 +74,9 @@ def straightened(pattern, model):
     Parameters
     ----------
     pattern : numpy.ndarray, shape (H, W, 3)
+        The image that the projector shows, linear light.
     model : ProjectorModel
+        Geometry of the projector.
 
     Returns
     -------
@@ -98,6 +114,7 @@ def prepared_for(model, prepared, geometry, limits):
     prepared : ProjectorModel or None
         That of the images so far.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     limits : numpy.ndarray, shape (2,)
         Smallest and largest disparity, px.
 
@@ -144,7 +161,9 @@ def geometry_variance(model, geometry, d):
     Parameters
     ----------
     model : ProjectorModel
+        Geometry of the projector.
     geometry : RectifiedGeometry
+        Of the rectified pair.
     d : float
         px.
 

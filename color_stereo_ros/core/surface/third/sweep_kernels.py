@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """
 Kernels of the third view: nodes of the left image against the pattern.
 
@@ -16,12 +29,12 @@ import math
 
 import numpy as np
 
-from ...compiled import (
-    band, banded, LENGTH, part, serial, stack_array, stack_integers, stack_row)
-from ..coarse_kernels import smaller_step
-from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, U4
 from .fitting_kernels import any_of
 from .tuning import TUNING
+from ..coarse_kernels import smaller_step
+from ..grid_kernels import F4, FAST, I4, NAN, PAD, SILENT_VARIANCE, U4
+from ...compiled import (
+    band, banded, LENGTH, part, serial, stack_array, stack_integers, stack_row)
 
 I2 = np.int16
 ROOT3 = F4(math.sqrt(3.0))

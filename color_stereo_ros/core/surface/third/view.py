@@ -1,4 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 """The pattern as a view: measures where the right camera sees nothing, and bears witness."""
 
 from dataclasses import dataclass
@@ -6,11 +19,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...compiled import Arena
-from ...projector.model import COUNT, ProjectorModel
-from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
-from ..pair_model import PairModel
-from ..planes import PlaneField
 from .colors import (
     explained, fitted_colors, Light, local_light, middle, resized, warm as warm_colors)
 from .fitting import RegionSquares
@@ -21,6 +29,11 @@ from .sweep_kernels import (
     anchor_nodes, best_windows, count_nodes, linearize_sweep, list_nodes, places_of_nodes,
     seed_unknown, sweep_misfits, take_best)
 from .tuning import TUNING
+from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
+from ..pair_model import PairModel
+from ..planes import PlaneField
+from ...compiled import Arena
+from ...projector.model import COUNT, ProjectorModel
 
 WARM = 8, 8  # size of a pattern that nobody sees, px
 NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
@@ -117,6 +130,7 @@ class ThirdView:
         Parameters
         ----------
         model : ProjectorModel
+            Geometry of the projector.
         prepared : ProjectorModel
             Decides how the pattern is straightened and blurred; see `sweep.prepared_for`.
         pattern : callable
@@ -153,6 +167,7 @@ class ThirdView:
         linearized : Linearized
             Of the two cameras, at about these planes.
         pair : PairModel
+            What the two views of the pair differ by.
 
         Returns
         -------
@@ -225,6 +240,7 @@ class ThirdView:
         planes : PlaneField
             Of the two cameras; not changed.
         verdict : Verdict
+            What is believed of each node.
 
         """
         self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
@@ -270,6 +286,7 @@ class ThirdView:
         Parameters
         ----------
         pair : PairModel
+            What the two views of the pair differ by.
 
         Returns
         -------

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What mypy must find in a user's script: one mistake in each line that says so."""
+
+from color_stereo_ros.core import ColorStereo, make_pattern, Settings, StereoCalibration
+
+
+def mistakes(stereo: ColorStereo) -> None:
+    """Make them."""
+    ColorStereo('left.yaml')                     # mistake: no calibration
+    StereoCalibration.from_yaml('left.yaml')     # mistake: one file
+    stereo.process('left.png', 'right.png')      # mistake: no images
+    stereo.settings.range.min_depht              # mistake: a name
+    make_pattern(Settings())                     # mistake: all settings, not those of the pattern
+    stereo.reset().depth                         # mistake: returns nothing
