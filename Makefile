@@ -11,7 +11,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 # Hundreds of processes are started, and each would compile all modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo quick test proof bench evaluate floor tables release-check clean
+.PHONY: help demo quick test proof bench evaluate floor versions tables docs release-check clean
 
 help:  ## show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 15
@@ -45,15 +45,24 @@ floor:  ## run all tests on the oldest versions that are supported, Ubuntu 24.04
 	  .ci/setup ros,tools,sim,view,project,test
 	@.venv-floor/bin/python -m pytest -p no:cacheprovider $(ON_ALL_CORES)
 
-tables:  ## make the tables in README and docs anew from the code
+versions:  ## run all tests with the oldest, today's and the newest packages, and print a table
+	@.ci/versions
+
+tables:  ## make the tables in docs anew from the code
 	@.ci/setup ros,tools
 	@$(PYTHON_RUN) -m color_stereo_ros.cli.tables
+
+docs:  ## build the site of the manual and the API in docs_output/
+	@.ci/setup docs
+	@$(PYTHON_RUN) -m sphinx -W --keep-going -q docs docs_output
+	@echo docs_output/index.html
 
 release-check:  ## build the package and run all checks of a release, as a table; WHOLE=1 adds colcon test
 	@.ci/setup ros,tools,sim,view,project,test
 	@$(PYTHON_RUN) .ci/release
 
 clean:  ## remove everything that the other targets made
-	rm -rf .venv .venv-floor build install log demo_output evaluation_output bench_output \
-	  render_output process_output proof_output release_output .pytest_cache .numba_cache *.egg-info
+	rm -rf .venv .venv-floor .venv-newest build install log demo_output evaluation_output \
+	  bench_output render_output process_output proof_output docs_output release_output \
+	  .pytest_cache .numba_cache *.egg-info
 	find color_stereo_ros test -name __pycache__ -prune -exec rm -rf {} +

@@ -2,6 +2,7 @@
 """Build and installation, the same for pip and colcon."""
 
 from pathlib import Path
+import re
 
 import setuptools
 from setuptools import find_packages, setup
@@ -20,13 +21,21 @@ def shared(folder):
     return f'share/{NAME}/{folder}', [str(path.relative_to(HERE)) for path in files]
 
 
+def readme():
+    """Return README with links and pictures that the package index can follow."""
+    text = (HERE / 'README.md').read_text(encoding='utf-8')
+    raw = HOME.replace('github.com', 'raw.githubusercontent.com')
+    text = re.sub(r'(!\[[^]]*\]\()(?![a-z]+:|#)', rf'\1{raw}/main/', text)
+    return re.sub(r'(?<!!)(\[[^]]*\]\()(?![a-z]+:|#)', rf'\1{HOME}/blob/main/', text)
+
+
 setup(
     name=NAME,
     # `catkin_prepare_release` changes this line and package.xml; a test holds them equal. The
     # package asks for the version that is installed.
     version='0.1.0',
     description='Single-shot range finder with two color cameras and a projected color pattern',
-    long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
+    long_description=readme(),
     long_description_content_type='text/markdown',
     **{LICENSE: 'Apache-2.0'},
     license_files=['LICENSE'],
@@ -84,6 +93,7 @@ setup(
                   'distributed>=2023.1'],
         'cluster': ['distributed>=2023.1'],
         'view': ['viser>=1.1'],
+        'docs': ['sphinx>=7.2', 'myst-parser>=2.0', 'furo>=2023.9'],
         'test': ['pytest>=7.4', 'pytest-xdist>=3.4', 'colcon-common-extensions', 'setuptools<80',
                  'playwright>=1.40', 'mypy>=1.8'],
     },

@@ -76,7 +76,7 @@ PACKAGES = {
     'parameters': 'yaml',
     'messages': 'numpy cv2',
     'sim': 'numpy cv2 mitsuba',
-    'evaluation': 'numpy cv2 yaml matplotlib scipy tqdm',
+    'evaluation': 'numpy cv2 yaml matplotlib PIL scipy tqdm',
 }
 # Recordings, nodes and what is built on them need what their users install.
 ROS = {'rclpy', 'sensor_msgs', 'stereo_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs',

@@ -270,4 +270,4 @@ def test_rosdep_gets_rosbags_by_its_key_where_pip_is_allowed():
     found = [element for element in ElementTree.parse(ROOT / 'package.xml').iter('exec_depend')
              if element.text == 'python3-rosbags-pip']
     assert [element.get('condition') for element in found] == ['$COLOR_STEREO_PIP == 1']
-    assert 'COLOR_STEREO_PIP=1' in (ROOT / 'README.md').read_text()
+    assert 'COLOR_STEREO_PIP=1' in (ROOT / 'docs/installation.md').read_text()

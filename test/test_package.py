@@ -35,8 +35,8 @@ EXECUTABLES = {'range_node', 'lifecycle_range_node', 'pattern_node', 'sim_rig_no
 
 ROSDEP_KEYS = {'cv2': 'python3-opencv', 'numba': 'python3-numba', 'llvmlite': 'python3-numba',
                'numpy': 'python3-numpy', 'yaml': 'python3-yaml',
-               'matplotlib': 'python3-matplotlib', 'pygame': 'python3-pygame',
-               'tqdm': 'python3-tqdm'}
+               'matplotlib': 'python3-matplotlib', 'PIL': 'python3-matplotlib',
+               'pygame': 'python3-pygame', 'tqdm': 'python3-tqdm'}
 """Module to rosdep key, where they differ."""
 
 FIELD = 'License-Identifier'

@@ -19,6 +19,7 @@ from pathlib import Path
 import re
 import shlex
 import subprocess
+import sys
 
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.cli.tables import documents, TABLES, with_tables
@@ -28,6 +29,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / 'README.md').read_text()
+MOST_LINES = 120
 DOCUMENTS = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').glob('*.md'), *(ROOT / 'sample').glob(
     '*.md')])
 
@@ -43,9 +45,22 @@ def test_the_tables_are_those_of_the_code(path):
     assert path.read_text() == with_tables(path.read_text()), 'run `make tables`'
 
 
-def test_the_readme_has_the_topics_and_the_parameters():
+def test_the_reference_has_the_topics_the_parameters_and_the_commands():
+    reference = (ROOT / 'docs/parameters.md').read_text()
     for name in ('outputs', 'parameters', 'commands'):
-        assert TABLES[name]() in README
+        assert TABLES[name]() in reference
+
+
+def test_the_package_index_can_follow_the_links_of_the_readme():
+    shown = subprocess.run([sys.executable, 'setup.py', '--long-description'], cwd=ROOT,
+                           capture_output=True, text=True, check=True).stdout
+    targets = re.findall(r'\]\(([^)]+)\)', shown)
+    assert 'raw.githubusercontent.com' in shown
+    assert [each for each in targets if not re.match('https:|#', each)] == []
+
+
+def test_the_readme_is_short():
+    assert len(README.splitlines()) < MOST_LINES
 
 
 def test_an_unknown_table_is_refused():
@@ -54,7 +69,8 @@ def test_an_unknown_table_is_refused():
 
 
 def test_the_readme_names_make_demo_and_make_test_and_they_exist():
-    assert 'make demo' in code_of(README) and 'make test' in code_of(README)
+    typed = {line.partition('#')[0].strip() for line in code_of(README)}
+    assert {'make demo', 'make test'} <= typed
 
 
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)

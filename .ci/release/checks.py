@@ -162,6 +162,36 @@ def xml(places):
     return f'{count(len(files), "file")}, 0 findings'
 
 
+@check('ruff', 'ruff check .')
+def ruff(places):
+    """Ask for what breaks the rules of ruff.toml."""
+    places.run(places.tools.with_name('ruff'), 'check', '--no-cache', '.', cwd=places.tree)
+    return '0 findings'
+
+
+@check('site', 'make docs')
+def site(places):
+    """Build manual and API from the wheel's docstrings; a warning is an error."""
+    python = places.environment('site', f'{places.wheel}[docs]')
+    places.run(python, '-m', 'sphinx', '-W', '--keep-going', '-q', places.tree / 'docs',
+               places.output / 'site')
+    return count(len(list((places.output / 'site').glob('*.html'))), 'page') + ', 0 warnings'
+
+
+@check('rosdoc2', 'rosdoc2 build --package-path .')
+def rosdoc2(places):
+    """Build the same pages as the ROS build farm does; it does not fail by warnings."""
+    places.environment('site', f'{places.wheel}[docs]')
+    python = places.environment('site', 'rosdoc2>=0.2')
+    folders = [word for option in ('output', 'doc-build', 'cross-reference')
+               for word in (f'--{option}-directory', places.output / f'rosdoc2/{option}')]
+    said = places.run(python.with_name('rosdoc2'), 'build', '--package-path', places.tree,
+                      *folders, environment=path_of(python)).stdout
+    if warnings := said.count('WARNING: '):
+        raise Failed(count(warnings, 'warning'))
+    return '0 warnings'
+
+
 @check('reuse', 'reuse lint')
 def reuse(places):
     """Ask whether every file has a holder of its rights and a license."""
