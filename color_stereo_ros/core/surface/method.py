@@ -699,7 +699,8 @@ class SurfaceMethod:
                 pair = self.search_again(views, planes, search)
                 continue
             pair = self.measured_anew(views, planes)
-            if evening.matters(views):  # planes have taken a part of the difference
+            # planes have taken a part of the difference; only detail tells which
+            if self.brightness.seeded and evening.matters(views):
                 pair = self.fitted_anew(views, planes)
                 if evening.improve(views, planes)[0]:
                     pair = self.measured_anew(views, planes)
