@@ -915,8 +915,11 @@ class BrightnessTuning(Constants):
         3, 'px', 'Columns, and rows of nodes, of the windows of the search.',
         chosen('5: .01 fewer seeds within 1 px in five textured pairs, at the same time. 1: right '
                '.850 instead of .8585, eight pairs of casting and effector_bin.'))
+    compared_window: int = constant(
+        5, 'nodes', 'Width and height of the windows that tell which search is right.',
+        unexplained('Nearly all of the right matches of both searches are found by it.'))
     penalties: tuple = constant(
-        (8, 32), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
+        (8, 64), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
         'larger step (P1, P2 of StereoSGBM).', derived("OpenCV's recommendation."))
     gradient_cap: int = constant(
         31, 'DN', 'Largest gradient that counts (preFilterCap of StereoSGBM).',
