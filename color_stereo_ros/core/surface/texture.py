@@ -75,8 +75,8 @@ class TextureSearch:
         if count > self.tuning.many_disparities:
             first, count = self.narrowed(evened)
         matcher = self.matcher(channels, count)
-        found = more_alike(plain, [matched(matcher, images, first, count)[:, ::2]
-                                   for images in (plain, evened)], self.tuning.compared_window)
+        found = more_alike(plain, *(matched(matcher, images, first, count)[:, ::2]
+                                    for images in (plain, evened)), self.tuning)
         return Seeds(found * F4(0.5), 1, None, 0.0)
 
     def narrowed(self, images):
@@ -151,21 +151,28 @@ def matched(matcher, images, first, count):
     return found
 
 
-def more_alike(images, disparities, window):
+def more_alike(images, plain, evened, tuning):
     """
-    Return, of two disparities of a pair, at each place that whose windows are more alike.
+    Return the disparities of two searches of a pair as one, float32 (h, w / 2).
+
+    Where both have a match, the one counts whose windows are more alike if the plain search finds
+    clearly more of what is alike in the whole pair, and the evened one otherwise: pieces of a
+    worse search win by chance. Where one alone has a match, that of the plain search must be alike.
 
     Parameters
     ----------
     images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
-    disparities : list of two numpy.ndarray, float32, shape (h, w / 2)
+        Plain ones.
+    plain, evened : numpy.ndarray, float32, shape (h, w / 2)
         At every second column of the left image; see `likeness`.
-    window : int
-        Width and height of the windows, places.
+    tuning : BrightnessTuning
 
     """
-    first, second = (likeness(images, each, window, 2) for each in disparities)
-    return np.where((second > first) | np.isnan(first), *disparities[::-1])
+    first, second = (likeness(images, each, tuning.compared_window, 2) for each in (plain, evened))
+    better = np.mean(np.nan_to_num(first)) - np.mean(np.nan_to_num(second))
+    chosen = first > second if better > tuning.least_better else np.zeros(first.shape, bool)
+    lone = np.isnan(second) & (first > F4(tuning.least_alike_alone))
+    return np.where(chosen | lone, plain, evened)
 
 
 def likeness(images, disparity, window, step=1):
