@@ -19,7 +19,7 @@ from types import SimpleNamespace
 from color_stereo_ros.core.surface.grid import HalfGrid
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD
 from color_stereo_ros.core.surface.texture import (
-    between_nodes, drop_small_surfaces, likeness, TextureSearch)
+    between_nodes, drop_small_surfaces, likeness, more_alike, TextureSearch)
 from color_stereo_ros.core.surface.tuning import TUNING
 
 import cv2
@@ -60,7 +60,7 @@ def test_disparities_of_texture_are_found_in_pixels(limits, disparity):
 def test_a_small_pair_tells_which_disparities_are_searched(disparity):
     grid, views = views_of(disparity)
     search = TextureSearch(grid, (-150, 140), TUNING)
-    images = [search.image(view, 1) for view in (views.left, views.right)]
+    images = [search.image(view, 1, True) for view in (views.left, views.right)]
     first, count = search.narrowed(images)
     assert first + 5 < disparity < first + count - 5
     assert count < search.count / 3
@@ -69,7 +69,7 @@ def test_a_small_pair_tells_which_disparities_are_searched(disparity):
 def test_dark_places_do_not_widen_what_is_searched():
     grid, views = views_of(13)
     search = TextureSearch(grid, (-150, 140), TUNING)
-    images = [search.image(view, 1) for view in (views.left, views.right)]
+    images = [search.image(view, 1, True) for view in (views.left, views.right)]
     for image in images:
         image[:20] = 0
     first, count = search.narrowed(images)
@@ -97,14 +97,15 @@ def test_likeness_is_the_correlation_of_the_windows():
     right[:, 2:] = right[:, 2:] // 2 + left[:, :-2] // 2
     disparity = rng.integers(-3, 4, (12, 20)).astype(F4)
     found = likeness((left, right), disparity, 5)
-    gray = [image.mean(axis=2) for image in (left, right)]
     for y, x in ((2, 2), (5, 9), (9, 17)):
-        windows = np.zeros((2, 25))
+        windows = np.zeros((2, 25, 3))
         for n, (j, i) in enumerate(np.ndindex(5, 5)):
             row, column = y + j - 2, x + i - 2
             place = np.clip(column - int(disparity[row, column]), 0, 19)
-            windows[:, n] = gray[0][row, column], gray[1][row, place]
-        np.testing.assert_allclose(found[y, x], np.corrcoef(windows)[0, 1], atol=1e-4)
+            windows[:, n] = left[row, column], right[row, place]
+        apart = (windows - windows.mean(axis=1, keepdims=True)).reshape(2, -1)
+        expected = apart[0] @ apart[1] / np.sqrt((apart ** 2).sum(axis=1).prod())
+        np.testing.assert_allclose(found[y, x], expected, atol=1e-4)
 
 
 def test_small_surfaces_are_dropped():
@@ -119,3 +120,18 @@ def test_between_two_nodes_lies_their_mean():
     image = np.array([[[10, 0], [20, 4], [40, 4]]], np.uint8)
     expected = [[10, 0], [15, 2], [20, 4], [30, 4], [40, 4], [40, 4]]
     np.testing.assert_array_equal(between_nodes(image), [expected])
+
+
+def test_the_plain_search_replaces_matches_only_where_it_is_better_overall():
+    """Pieces of a worse search win by chance; a lone match must be alike."""
+    rng = np.random.default_rng(3)
+    right = rng.integers(20, 200, (40, 120, 3)).astype(np.uint8)
+    left = np.roll(right, 6, axis=1)
+    true, wrong = np.full((40, 60), 6, np.float32), np.full((40, 60), 11, np.float32)
+    images, tuning = (left, right), TUNING.brightness
+    inner = np.s_[4:-4, 10:-10]
+    assert (more_alike(images, true, wrong, tuning)[inner] == 6).all()
+    assert (more_alike(images, wrong, true, tuning)[inner] == 6).all()
+    unknown = np.full_like(true, np.nan)
+    assert (more_alike(images, true, unknown, tuning)[inner] == 6).all()
+    assert np.isnan(more_alike(images, wrong, unknown, tuning)[inner]).all()

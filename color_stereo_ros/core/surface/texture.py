@@ -82,11 +82,14 @@ class TextureSearch:
 
         """
         channels = 1 if gray else 3
-        images = [self.image(view, channels) for view in (views.left, views.right)]
+        plain, evened = ([self.image(view, channels, even) for view in (views.left, views.right)]
+                         for even in (False, True))
         first, count = self.first, self.count
         if count > self.tuning.many_disparities:
-            first, count = self.narrowed(images)
-        found = matched(self.matcher(channels, count), images, first, count)[:, ::2]
+            first, count = self.narrowed(evened)
+        matcher = self.matcher(channels, count)
+        found = more_alike(plain, *(matched(matcher, images, first, count)[:, ::2]
+                                    for images in (plain, evened)), self.tuning)
         return Seeds(found * F4(0.5), 1, None, 0.0)
 
     def narrowed(self, images):
@@ -113,16 +116,24 @@ class TextureSearch:
         high = min(self.first + self.count - 1, math.ceil(kept[-1 - beyond]) + margin)
         return low, self.taken(high - low + 1)
 
-    def image(self, view, channels):
-        """Return the colors of a view, one row per node, uint8 (rows, 2 columns, channels)."""
+    def image(self, view, channels, even):
+        """
+        Return the colors of a view, one row per node, uint8 (rows, 2 columns, channels).
+
+        even: their brightness is that against the surroundings.
+
+        """
         tuning, step = self.tuning, view.columns_per_node
-        across = 1 + 2 * (tuning.surroundings * step // 2), tuning.surroundings
-        mean = cv2.blur(view.s, across) / np.maximum(
-            cv2.blur(view.inside.astype(F4), across), F4(self.least_share))
+        if even:
+            across = 1 + 2 * (tuning.surroundings * step // 2), tuning.surroundings
+            mean = cv2.blur(view.s, across) / np.maximum(
+                cv2.blur(view.inside.astype(F4), across), F4(self.least_share))
+            mean, level = mean + F4(tuning.offset), tuning.level
+        else:
+            mean, level = np.full(view.s.shape, F4(3)), 1.0
         nodes, columns = self.grid.nodes
         out = np.empty((nodes, columns * step, channels), np.uint8)
-        local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, F4(tuning.offset),
-                     F4(tuning.level), out)
+        local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, F4(level), out)
         return out if step > 1 else between_nodes(out)
 
 
@@ -154,39 +165,68 @@ def matched(matcher, images, first, count):
     return found
 
 
-def likeness(images, disparity, window):
+def more_alike(images, plain, evened, tuning):
     """
-    Return how alike two images are around the matches, float32 (h, w), -1 .. 1.
+    Return the disparities of two searches of a pair as one, float32 (h, w / 2).
 
-    The normalized cross-correlation of the brightness in windows; NaN where there is no match.
+    Where both have a match, the one counts whose windows are more alike if the plain search finds
+    clearly more of what is alike in the whole pair, and the evened one otherwise: pieces of a
+    worse search win by chance. Where one alone has a match, that of the plain search must be alike.
+
+    Parameters
+    ----------
+    images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
+        Plain ones.
+    plain, evened : numpy.ndarray, float32, shape (h, w / 2)
+        At every second column of the left image; see `likeness`.
+    tuning : BrightnessTuning
+
+    """
+    first, second = (likeness(images, each, tuning.compared_window, 2) for each in (plain, evened))
+    better = np.mean(np.nan_to_num(first)) - np.mean(np.nan_to_num(second))
+    chosen = first > second if better > tuning.least_better else np.zeros(first.shape, bool)
+    lone = np.isnan(second) & (first > F4(tuning.least_alike_alone))
+    return np.where(chosen | lone, plain, evened)
+
+
+def likeness(images, disparity, window, step=1):
+    """
+    Return how alike two images are around the matches, float32 (h, w / step), -1 .. 1.
+
+    The normalized cross-correlation of the colors in windows; NaN where there is no match.
     Places without contrast are not alike.
 
     Parameters
     ----------
     images : (numpy.ndarray, numpy.ndarray), uint8, shape (h, w, C)
         Left and right, reduced.
-    disparity : numpy.ndarray, float32, shape (h, w)
+    disparity : numpy.ndarray, float32, shape (h, w / step)
         Columns of the right image, NaN = unknown.
     window : int
-        Width and height of the windows, px.
+        Width and height of the windows, places.
+    step : int
+        Columns of the left image per place.
 
     """
-    columns = disparity.shape[1]
     known = np.isfinite(disparity)
-    place = np.arange(columns) - np.where(known, np.rint(disparity), 0).astype(np.int64)
-    np.clip(place, 0, columns - 1, out=place)
-    left, right = (image.mean(axis=2, dtype=F4) for image in images)
-    right = np.take_along_axis(right, place, axis=1)
+    place = step * np.arange(disparity.shape[1]) - np.where(known, np.rint(disparity), 0).astype(
+        np.int32)
+    np.clip(place, 0, images[1].shape[1] - 1, out=place)
+    left, right = images
+    left = left[:, ::step].astype(F4)
+    right = np.take_along_axis(right, place[..., None], axis=1).astype(F4)
 
-    def mean(values):
-        return cv2.blur(values, (window, window))
+    def covariance(one, other, *means):
+        mean = cv2.blur(one * other, (window, window)).reshape(one.shape)
+        return (mean - means[0] * means[1]).sum(axis=2)
 
-    left_mean, right_mean = mean(left), mean(right)
-    quantization = F4(1)  # DN^2: rounding alone has no contrast
-    spreads = [np.maximum(mean(each * each) - middle * middle, quantization)
-               for each, middle in ((left, left_mean), (right, right_mean))]
-    covariance = mean(left * right) - left_mean * right_mean
-    return np.where(known, covariance / np.sqrt(spreads[0] * spreads[1]), F4(np.nan))
+    left_mean, right_mean = (cv2.blur(each, (window, window)).reshape(each.shape)
+                             for each in (left, right))
+    quantization = F4(left.shape[2])  # DN^2: rounding alone has no contrast
+    spreads = [np.maximum(covariance(each, each, mean, mean), quantization)
+               for each, mean in ((left, left_mean), (right, right_mean))]
+    alike = covariance(left, right, left_mean, right_mean) / np.sqrt(spreads[0] * spreads[1])
+    return np.where(known, alike, F4(np.nan))
 
 
 def drop_small_surfaces(disparity, size):

@@ -27,13 +27,13 @@ FULL_SCALE = F4(np.iinfo(np.uint8).max)
 
 
 @banded(fastmath=FAST)
-def local_colors(k, u, v, s, mean, row, column, offset, level, out):
+def local_colors(k, u, v, s, mean, row, column, level, out):
     """
     Write colors whose brightness is that against the surroundings, uint8 (h, w, 1 or 3).
 
     u, v, s and mean, float32: chromaticities, brightness and mean brightness around (DN). Node
-    (j, i) of out is entry (row + j, column + i) of them. The mean of the surroundings plus offset
-    (DN) becomes `level` in each channel; a gray image takes one channel.
+    (j, i) of out is entry (row + j, column + i) of them. The mean of the surroundings becomes
+    `level` (DN) in each channel; a gray image takes one channel.
 
     """
     rows, columns, channels = out.shape
@@ -43,7 +43,7 @@ def local_colors(k, u, v, s, mean, row, column, offset, level, out):
         us, vs, light, around = u[row + j], v[row + j], s[row + j], mean[row + j]
         for i in range(columns):
             at = column + i
-            total = level * light[at] / (around[at] + offset)
+            total = level * light[at] / around[at]
             if channels == 1:
                 out[j, i, 0] = np.uint8(min(max(total, F4(0)), FULL_SCALE))
                 continue
