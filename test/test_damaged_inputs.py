@@ -179,8 +179,9 @@ def test_a_recording_with_random_damage_is_one_line(tmp_path, capfd, effort, fig
         if cli.main(['convert', str(folder), str(tmp_path / f'{seed}'), '--matching.method',
                      'paper', '--topics', 'depth/camera_info']):
             refused += 1
-            said = capfd.readouterr().err.splitlines()[-1]
-            assert said.startswith('color_stereo: ') and str(folder) in said
+            said, = (line for line in capfd.readouterr().err.splitlines()
+                     if line.startswith('color_stereo: '))
+            assert str(folder) in said
             assert not PYTHON_ONLY.search(said)
         shutil.rmtree(tmp_path / f'{seed}', ignore_errors=True)
     figures('damaged recordings refused in one line', refused, 'recordings', over=seeds)

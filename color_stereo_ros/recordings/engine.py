@@ -24,6 +24,7 @@ from contextlib import contextmanager
 import logging
 from multiprocessing.resource_tracker import ensure_running
 import signal
+import threading
 
 from .working import forget_runs, measure_task
 from ..core.compiled import one_thread
@@ -118,20 +119,32 @@ def _client(workers, scheduler):
 @contextmanager
 def _deaf_to_interrupts():
     """
-    Block SIGINT until what is yielded is called; threads and processes begun before keep it so.
+    Put off SIGINT until what is yielded is called; processes that begin before keep it blocked.
 
-    A terminal sends Ctrl-C to all processes. This one acts, and ends the others.
+    A terminal sends Ctrl-C to all processes. This one acts, and ends the others, once they have
+    begun. Blocking is not enough here: threads that were there before still take the signal.
 
     """
     ensure_running()  # its start would unblock the signal
+    if threading.current_thread() is not threading.main_thread():  # nobody interrupts this one
+        yield lambda: None
+        return
+    early = []
+    usual = signal.signal(signal.SIGINT, lambda *_: early.append(True))
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
-    def hear():
+    def restore():
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, usual)
+
+    def hear():
+        restore()
+        if early:
+            raise KeyboardInterrupt
     try:
         yield hear
     finally:
-        hear()
+        restore()
 
 
 def _local_cluster(workers):
