@@ -13,11 +13,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Rectified pairs with truth, for example photographs of real rigs, measured beside OpenCV's matchers.
+Rectified pairs with truth, such as photographs of real rigs, beside OpenCV's matchers.
 
-`python -m color_stereo_ros.evaluation.photographs FOLDER` reads all `*.npz` of a folder. Each holds
-`left` and `right` (uint8, (H, W) or (H, W, 3) RGB, rectified), `truth` (disparity of the left
-image, px, NaN = unknown), `limits` (smallest and largest disparity that is searched, px) and
+`python -m color_stereo_ros.evaluation.photographs FOLDER` reads all `*.npz` of a folder. Each
+holds `left` and `right` (uint8, (H, W) or (H, W, 3) RGB, rectified), `truth` (disparity of the
+left image, px, NaN = unknown), `limits` (smallest and largest disparity that is searched, px) and
 `pattern` (JSON, settings that name the pattern as it is). Real rigs give such pairs where the
 cameras saw a sequence: the whole sequence tells the truth, three of its images as red, green and
 blue make a pair.
@@ -147,7 +147,8 @@ def main(argv=None):
         prog='python -m color_stereo_ros.evaluation.photographs',
         description='Measure rectified pairs with truth beside the matchers of OpenCV.')
     parser.add_argument('folder', type=Path, metavar='FOLDER', help='holds the .npz files')
-    parser.add_argument('names', nargs='*', metavar='NAME', help='only files with it in their name')
+    parser.add_argument('names', nargs='*', metavar='NAME',
+                        help='only files with it in their name')
     parser.add_argument('--matchers', default='sgbm,3way', metavar='A,B',
                         help='of OpenCV (default %(default)s)')
     parser.add_argument('--output', type=Path, metavar='FILE', help='write the figures as JSON')

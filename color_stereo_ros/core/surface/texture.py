@@ -171,7 +171,7 @@ def more_alike(images, plain, evened, tuning):
 
     Where both have a match, the one counts whose windows are more alike if the plain search finds
     clearly more of what is alike in the whole pair, and the evened one otherwise: pieces of a
-    worse search win by chance. Where one alone has a match, that of the plain search must be alike.
+    worse search win by chance. A match that the plain search has alone must be alike.
 
     Parameters
     ----------
