@@ -337,12 +337,12 @@ def linearize(left, right, psf, matrix, planes, tiles, robust, scale, reference)
     return out
 
 
-def local_colors(u, v, s, mean, row, column, offset, level, channels, shape):
+def local_colors(u, v, s, mean, row, column, level, channels, shape):
     """Return colors with the brightness against the surroundings, not rounded."""
     out = np.zeros((*shape, channels))
     for j, i in nodes_of(shape):
         at = row + j, column + i
-        total = level * s[at] / (mean[at] + offset)
+        total = level * s[at] / mean[at]
         red = total * (1 + u[at])
         green = (3 * total - red) / 2 + math.sqrt(3) / 2 * total * v[at]
         colors = (total,) if channels == 1 else (red, green, 3 * total - red - green)
