@@ -922,6 +922,13 @@ def test_a_full_disk_fails_the_save_and_leaves_no_file(rig):
         rig.node.destroy_timer(timer)
 
 
+def publish_time(clock, stamp):
+    """Publish a time, ns, as a simulator or a player does."""
+    message = Clock()
+    message.clock.sec, message.clock.nanosec = divmod(stamp, SECOND)
+    clock.publish(message)
+
+
 def test_a_clock_that_is_set_back_is_followed(tmp_path):
     node = NodeProcess(tmp_path / 'log.txt', parameters={**PARAMETERS, 'use_sim_time': True},
                        arguments=['-r', '__ns:=/sim'])
@@ -930,9 +937,7 @@ def test_a_clock_that_is_set_back_is_followed(tmp_path):
     rig.listen(Image, DEPTH)
 
     def send():
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(rig.tick(), SECOND)
-        clock.publish(message)
+        publish_time(clock, rig.tick())
         return rig.send_pair(stamp=rig.stamp)
 
     deadline = time.monotonic() + 60.0
@@ -961,9 +966,7 @@ def test_a_recording_in_a_loop_with_its_clock_gives_the_same_each_time(tmp_path)
 
     def play(index):
         rig.stamp = first + index * rig.period
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(rig.stamp, SECOND)
-        clock.publish(message)
+        publish_time(clock, rig.stamp)
         rig.images = {side: np.roll(image, index, axis=0) for side, image in images.items()}
         return rig.send_pair(stamp=rig.stamp, infos=index == 0)
 

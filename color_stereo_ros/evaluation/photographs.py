@@ -33,15 +33,15 @@ import numpy as np
 from tqdm import tqdm
 
 from . import opencv_matchers
+from .metrics import RIGHT, share, SURE, z68
 from ..core import ColorStereo, Settings, StereoCalibration
 from ..core.cameras.rectification import Rectifier
+from ..files.atomic import write_text
 
 FOCAL, BASELINE = 1000.0, 0.1
 """Of the assumed rig, px and m: only disparities are compared."""
 NEAREST = 0.2
 """Least disparity of the working range, px: a depth must be finite."""
-RIGHT, SURE = 1.0, 0.9
-"""Error up to which a disparity is right, px; confidence above which a range is sure."""
 COLUMNS = (('right', '{:.3f}'), ('density', '{:.3f}'), ('wrong', '{:.3f}'), ('hi', '{:.4f}'),
            ('median_px', '{:.3f}'), ('z68', '{:.2f}'))
 
@@ -76,18 +76,10 @@ def figures(result, truth):
     given = known & np.isfinite(result.disparity)
     error = np.abs(result.disparity - truth)
     off, sure = given & (error > RIGHT), given & (result.confidence > SURE)
-    claimed = given & np.isfinite(result.disparity_std)
     return {'right': share(given & ~off, known), 'density': share(given, known),
             'wrong': share(off, given), 'hi': share(off & sure, sure),
             'median_px': float(np.median(error[given])) if given.any() else None,
-            'z68': float(np.percentile((error / result.disparity_std)[claimed], 68))
-            if claimed.any() else None}
-
-
-def share(part, whole):
-    """Return the share of a mask within another, None where that is empty."""
-    count = np.count_nonzero(whole)
-    return np.count_nonzero(part) / count if count else None
+            'z68': z68(error, result.disparity_std, given)}
 
 
 def measured(path, matchers):
@@ -168,7 +160,7 @@ def main(argv=None):
         right = [rows[name]['right'] for rows in everything.values()]
         print(f'mean of {len(right)} pairs, {name}: right {np.mean(right):.3f}')
     if args.output:
-        args.output.write_text(json.dumps(everything, indent=1) + '\n')
+        write_text(args.output, json.dumps(everything, indent=1) + '\n')
     return 0
 
 

@@ -31,7 +31,7 @@ class Tally:
         """Which pair was refused first, and why, as text."""
 
     def add(self, account):
-        """Add the account of a task, see `Worker.account`."""
+        """Add the account of a task, see `working.account_of`."""
         self.measured += account['measured']
         self.failed += account['failed']
         self.first_failure = self.first_failure or account['first_failure']

@@ -27,8 +27,7 @@ import shutil
 
 import yaml
 
-from .working import ACCOUNT, part_name, read_account
-from .working import prepare
+from .working import ACCOUNT, part_name, prepare, read_account
 from ..errors import RecordingError
 from ..files.atomic import folder_written_whole, naming, write_text
 from ..files.claim import held
