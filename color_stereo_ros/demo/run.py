@@ -43,6 +43,7 @@ from ..messages.outputs import millimeters
 from ..messages.published import values_of
 from ..messages.reading import image_to_rgb
 from ..nodes.live import Collector, latched, LiveError, Processes, ros_node, spin_until
+from ..nodes.sensor.projector_search import expects_projector
 from ..nodes.sensor.worker import COMPILING, READY
 from ..parameters.files import read_settings
 from ..parameters.groups import RangeNodeSettings
@@ -180,7 +181,7 @@ class Demo:
             seconds = time.monotonic() - started
             self._say(f'{name}: everything received, {seconds:.1f} s after the start')
             messages = collector.complete_set()
-            if settings_of(folder).matching.third_view != 'off':
+            if expects_projector(settings_of(folder).core):
                 messages = self._with_projector(node, processes, name, collector) or messages
         collector.close()
         return messages, image_to_rgb(patterns[-1]), seconds

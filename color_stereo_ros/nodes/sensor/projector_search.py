@@ -20,6 +20,12 @@ from ...core.surface.third.following import allow_third_view
 from ...core.trackers import is_makable, tracker_of
 
 
+def expects_projector(settings):
+    """Return whether the projector can be found under core Settings."""
+    return (settings.matching.method == 'surface' and allow_third_view(settings)
+            and is_makable(settings.pattern))
+
+
 class ProjectorSearch(SearchBeside):
     """Searches a pair that does not show the projector where it is expected."""
 
@@ -41,8 +47,7 @@ class ProjectorSearch(SearchBeside):
             Of the pairs that will come.
 
         """
-        if (calibration is not None and settings.matching.method == 'surface'
-                and allow_third_view(settings) and is_makable(settings.pattern)
+        if (calibration is not None and expects_projector(settings)
                 and not self._chores.busy):
             self._chores.begin(_get_ready, settings.pattern, calibration.geometry)
 
