@@ -18,12 +18,12 @@ from dataclasses import replace
 
 from color_stereo_ros.core import make_pattern, PatternSettings
 from color_stereo_ros.core.projector import (
-    ProjectorFinder, ProjectorModel, ProjectorTracker, Reason, Track)
+    finding, ProjectorFinder, ProjectorModel, ProjectorTracker, Reason, Track)
 from color_stereo_ros.core.projector.adjustment import (
     adjust, Evidence, lens_of, moved, predicted, to_unknowns, usual_prior, whitened)
 from color_stereo_ros.core.projector.patch_kernels import DARK, HALF, place_patches, SETTLED
 from color_stereo_ros.core.projector.patches import chromatic
-from color_stereo_ros.core.projector.starting import decomposed, linear, projection
+from color_stereo_ros.core.projector.starting import decomposed, linear, posed, projection
 from color_stereo_ros.core.projector.tracking import updated
 import cv2
 import naive
@@ -147,6 +147,21 @@ def test_a_linear_fit_gives_back_the_projection():
     np.testing.assert_allclose(model.center, TRUE.center, atol=1e-5)
 
 
+@pytest.mark.parametrize('size', [1e-4, 1.0, 1e3], ids='{:g} m'.format)
+def test_a_pose_is_found_at_any_scale(size):
+    """OpenCV 5 refuses the points of a scene of some millimeters, see `posed`."""
+    evidence = evidence_of(TRUE, sigma=1e-6)
+    evidence = replace(evidence, points=size * evidence.points)
+    model, = posed(evidence, lens_of(TRUE), SIZE)
+    np.testing.assert_allclose(model.center / size, TRUE.center, atol=1e-4)
+
+
+def test_points_on_one_spot_have_no_pose():
+    evidence = evidence_of(TRUE)
+    spot = np.tile(evidence.points[:1], (len(evidence), 1))
+    assert not list(posed(replace(evidence, points=spot), lens_of(TRUE), SIZE))
+
+
 def test_the_adjustment_is_as_precise_as_it_says():
     start = moved(TRUE, np.array([0.1, 0, 0, 0.01, 0.05, 0, 0.05, -0.05, 0.02, 0.02, 0.02, 0.02]))
     prior = usual_prior(SIZE, 0.5)
@@ -155,6 +170,11 @@ def test_the_adjustment_is_as_precise_as_it_says():
         fit = adjust(start, evidence_of(TRUE, 300, 0.2, 0.001, seed), prior)
         away.append((fit.model.center - TRUE.center) / fit.model.center_std)
     assert 0.5 < np.sqrt(np.mean(np.square(away))) < 1.5
+
+
+def test_matches_that_nothing_explains_are_no_projector(finder, pattern, monkeypatch):
+    monkeypatch.setattr(finding, 'starts', lambda *_: iter(()))
+    assert finder.find(seen(SOLIDS, TRUE, pattern)).reason is Reason.ABSENT
 
 
 def test_outliers_do_not_count():

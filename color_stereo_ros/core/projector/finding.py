@@ -126,7 +126,8 @@ class ProjectorFinder:
             return Finding(None, Reason.BLIND, *counts)
         depth = float(np.median(evidence.points[:, 2]))
         rough, prior = self._roughly(evidence, depth, earlier)
-        reason = self._doubt(rough, evidence, matches, depth)
+        reason = (Reason.ABSENT if rough is None
+                  else self._doubt(rough, evidence, matches, depth))
         if reason is not None:
             return Finding(None, reason, *counts)
         where = sites(measured, TUNING.find.spacing)
@@ -191,7 +192,7 @@ class ProjectorFinder:
         return measured.evidence(points[good], matches.places[good], sigma, spread[good])
 
     def _roughly(self, evidence, depth, earlier):
-        """Return the best fit of matches and the prior that it needs."""
+        """Return the best fit of matches, None if they fit nothing, and the prior it needs."""
         tuning = TUNING.find
         chosen = evidence
         if len(evidence) > TUNING.start.most:
@@ -200,6 +201,8 @@ class ProjectorFinder:
         usual = usual_prior(self.size, depth)
         prior = usual if earlier is None else carried_prior(earlier, depth)
         models = list(starts(chosen, self.size, earlier))
+        if not models:
+            return None, prior
         tried = [adjust(start, chosen, prior, tuning.trial_rounds) for start in models]
         best = min(tried, key=fitness)
         if earlier is None:

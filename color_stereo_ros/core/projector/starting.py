@@ -60,15 +60,25 @@ def starts(evidence, size, earlier=None):
 
 
 def posed(evidence, lens, size):
-    """Yield the pose that explains most matches under a known lens, if there is one."""
+    """
+    Yield the pose that explains most matches under a known lens, if there is one.
+
+    OpenCV 5 refuses points whose variance is below 1e-5: a scene of some millimeters, in meters.
+    So the points are scaled. Samples that lie on one spot are still refused.
+
+    """
     tuning = TUNING.start
     guess = model_of(lens, np.eye(3), np.zeros(3), size)
-    done, turn, translation, _ = cv2.solvePnPRansac(
-        evidence.points.reshape(-1, 1, 3), evidence.places.reshape(-1, 1, 2),
-        np.array(guess.camera_matrix), None, iterationsCount=tuning.tries,
-        reprojectionError=tuning.reach * size[0], flags=cv2.SOLVEPNP_SQPNP)
+    reach = max(evidence.points.std(), TINY)
+    try:
+        done, turn, translation, _ = cv2.solvePnPRansac(
+            (evidence.points / reach).reshape(-1, 1, 3), evidence.places.reshape(-1, 1, 2),
+            np.array(guess.camera_matrix), None, iterationsCount=tuning.tries,
+            reprojectionError=tuning.reach * size[0], flags=cv2.SOLVEPNP_SQPNP)
+    except cv2.error:
+        return
     if done and np.isfinite(turn).all() and np.isfinite(translation).all():
-        yield model_of(lens, cv2.Rodrigues(turn)[0], translation.ravel(), size)
+        yield model_of(lens, cv2.Rodrigues(turn)[0], reach * translation.ravel(), size)
 
 
 def linear(evidence, size):
