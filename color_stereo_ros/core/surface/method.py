@@ -62,7 +62,7 @@ from .quality import Quality
 from .rows import RowTracker
 from .shared import SharedErrors
 from .steps import Steps
-from .texture import colors_of, colors_show, detail, TextureSearch
+from .texture import colors_of, colors_show, detail, details_show, TextureSearch
 from .third.following import allow_third_view, Follower
 from .third.view import ThirdView
 from .trust import Trust
@@ -587,12 +587,10 @@ class SurfaceMethod:
         """
         brightness, tuning = self.brightness, self.tuning.brightness
         slow = self.tuning.views.averaging_radius > 0
-        carriers = [tuple(plane[views.grid.inner] for plane in brightness.planes[0])]
-        if not slow:
-            carriers += colors_of(views)
-        quiet = detail(carriers, tuning) < F4(tuning.least_detail)
         lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
-        detailed = lit.any() and np.mean(quiet[lit]) < 1 - tuning.detailed_share
+        level = tuple(plane[views.grid.inner] for plane in brightness.planes[0])
+        colors = F4(0) if slow else detail(colors_of(views), tuning)[lit]
+        detailed = details_show(detail([level], tuning)[lit], colors, tuning)
         if detailed:
             self.suit(self.detailed)
         elif slow:

@@ -276,6 +276,30 @@ def detail(carriers, tuning):
     return most
 
 
+def details_show(brightness, colors, tuning):
+    """
+    Return whether most nodes have detail.
+
+    Photographs may be far less noisy than the camera model. So brightness has detail, too, if it
+    stands out at nearly all nodes of the quietest ones, which show the noise of the pair.
+
+    Parameters
+    ----------
+    brightness, colors : numpy.ndarray, float32, shape (N,)
+        Detail of lit nodes, see `detail`; without colors 0.
+    tuning : BrightnessTuning
+
+    """
+    if not brightness.size:
+        return False
+    found = np.maximum(brightness, colors)
+    if np.mean(found >= F4(tuning.least_detail)) > tuning.detailed_share:
+        return True
+    quietest = max(np.quantile(brightness, tuning.quietest), tuning.least_noise)
+    clear = brightness > F4(tuning.clear_detail * quietest)
+    return bool(np.mean(clear) > tuning.clear_share)
+
+
 def colors_of(views):
     """Return the chromaticities of the left view at the nodes as carriers, see `detail`."""
     inner, left = views.grid.inner, views.left

@@ -1017,6 +1017,20 @@ class BrightnessTuning(Constants):
     least_detail: float = constant(
         0.3, '1', 'Detail of a node below which it tells nothing, see `texture.detail`.',
         chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
+    quietest: float = constant(
+        0.05, '1', 'Share of the lit nodes with the least detail, which show the noise of the pair.',
+        unexplained('A few surfaces without print; fewer are damage, or black.'))
+    clear_detail: float = constant(
+        2.0, '1', 'Detail of a node, beside that of the quietest, from which it tells something.',
+        chosen('First quartile of the nodes: bare surfaces under slow colors, simulated, 1.3 to '
+               '1.5; ball, plane and mouse as photographed 1.2 to 1.3; metal and plaster 2.5.'))
+    clear_share: float = constant(
+        0.75, '1', 'Share of nodes with so much detail from which brightness counts, too.',
+        chosen('Half of the nodes of a bare casting have shading, and half have nothing.'),
+        off=math.inf)
+    least_noise: float = constant(
+        0.007, '1', 'Least detail that the quietest nodes count as.',
+        derived('Twice the quantization of the channels: 2 * 3 / 12 DN^2 of 70 DN^2 at 150 DN.'))
     detailed_share: float = constant(
         0.5, '1', 'Share of nodes with so much detail from which brightness counts.',
         unexplained('Half of the nodes.'), off=math.inf)
