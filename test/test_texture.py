@@ -19,7 +19,7 @@ from types import SimpleNamespace
 from color_stereo_ros.core.surface.grid import HalfGrid
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD
 from color_stereo_ros.core.surface.texture import (
-    between_nodes, drop_small_surfaces, likeness, more_alike, TextureSearch)
+    between_nodes, details_show, drop_small_surfaces, likeness, more_alike, TextureSearch)
 from color_stereo_ros.core.surface.tuning import TUNING
 
 import cv2
@@ -135,3 +135,25 @@ def test_the_plain_search_replaces_matches_only_where_it_is_better_overall():
     unknown = np.full_like(true, np.nan)
     assert (more_alike(images, true, unknown, tuning)[inner] == 6).all()
     assert np.isnan(more_alike(images, wrong, unknown, tuning)[inner]).all()
+
+
+def test_detail_shows_where_half_of_the_nodes_have_it():
+    nothing, some = np.full(60, 0.1), np.full(41, 0.4)
+    assert details_show(np.concatenate([nothing[:40], some]), F4(0), TUNING.brightness)
+    assert not details_show(np.concatenate([nothing, some]), F4(0), TUNING.brightness)
+    assert details_show(nothing, np.full(60, 0.4), TUNING.brightness)
+    assert not details_show(nothing[:0], nothing[:0], TUNING.brightness)
+
+
+@pytest.mark.parametrize('noise', [0.02, 0.1])
+def test_detail_shows_against_the_noise_of_the_pair(noise):
+    """Metal as photographed: three quarters of the nodes have twice the detail of the quietest."""
+    quiet, fine = np.full(20, noise), np.full(80, 2.5 * noise)
+    assert details_show(np.concatenate([quiet, fine]), F4(0), TUNING.brightness)
+    assert not details_show(np.concatenate([quiet, quiet, fine]), F4(0), TUNING.brightness)
+
+
+def test_quantization_is_no_detail():
+    """Colors have no part in that: those of a slow pattern change more than noise everywhere."""
+    found = np.concatenate([np.full(10, 1e-5), np.full(90, 1e-2)])
+    assert not details_show(found, np.linspace(0.01, 0.29, 100), TUNING.brightness)

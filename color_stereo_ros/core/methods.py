@@ -35,8 +35,8 @@ class Method:
 
 
 def _surface(settings, calibration, limits, rectifier):
-    from .surface.method import SurfaceMethod
-    return SurfaceMethod(settings, calibration, limits, rectifier.rectified_input)
+    from .surface.choosing import surface_method
+    return surface_method(settings, calibration, limits, rectifier.rectified_input)
 
 
 def _paper(settings, calibration, limits, rectifier):

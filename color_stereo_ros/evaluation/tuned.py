@@ -15,10 +15,9 @@
 """A ColorStereo whose surface method has other constants, for ablations."""
 
 from ..core import ColorStereo, MatchingSettings
-from ..core.constants import listed, replaced
-from ..core.patterns.expectation import Expectation
-from ..core.surface.method import SurfaceMethod
-from ..core.surface.tuning import TUNING, tuning_for
+from ..core.constants import listed
+from ..core.surface.choosing import surface_method
+from ..core.surface.tuning import TUNING
 
 CONSTANTS = {entry.name: entry for entry in listed(TUNING)}
 """Every constant of the surface method by its flat name."""
@@ -49,10 +48,8 @@ class TunedStereo(ColorStereo):
         super().__init__(calibration, settings)
 
     def _make_method(self, calibration):
-        expectation = Expectation.of(self.settings.pattern)
-        tuning = tuning_for(expectation, calibration.geometry.width)
-        return SurfaceMethod(self.settings, calibration, self._limits,
-                             tuning=replaced(tuning, self._constants))
+        return surface_method(self.settings, calibration, self._limits,
+                              constants=self._constants)
 
 
 def switched_off():

@@ -62,7 +62,7 @@ from .quality import Quality
 from .rows import RowTracker
 from .shared import SharedErrors
 from .steps import Steps
-from .texture import colors_of, colors_show, detail, details_show, TextureSearch
+from .texture import color_detail, colors_of, detail, details_show, TextureSearch
 from .third.following import allow_third_view, Follower
 from .third.view import ThirdView
 from .trust import Trust
@@ -88,25 +88,28 @@ class SurfaceMethod:
         The images arrive rectified already.
     tuning : Tuning, optional
         Default: what suits the pattern.
+    expectation : Expectation, optional
+        What is expected of the pattern; default: what the settings say.
 
     """
 
-    def __init__(self, settings, calibration, limits, rectified_input=False, tuning=None):
+    def __init__(self, settings, calibration, limits, rectified_input=False, tuning=None,
+                 expectation=None):
         """Build the maps and allocate the buffers of all steps, in the order of the pipeline."""
         self.settings = settings
         self.geometry = calibration.geometry
         self.limits = np.array(limits, F4)
         grid = HalfGrid(self.geometry.height, self.geometry.width)
         arena = Arena()
+        self.expectation = expectation or Expectation.of(settings.pattern)
         if tuning is None:
-            tuning = tuning_for(Expectation.of(settings.pattern), self.geometry.width)
+            tuning = tuning_for(self.expectation, self.geometry.width)
         self.tuning = tuning
         self.views = Views(calibration, grid, settings, tuning, rectified_input, arena)
         self.coarse = CoarseSearch(grid.nodes, grid.width, limits, settings.matching, tuning,
                                    arena)
         self.texture = TextureSearch(grid, limits, tuning)
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
-        self.expectation = Expectation.of(settings.pattern)
         self.in_force = tuning
         self.detailed = detailed_tuning(tuning)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
@@ -533,11 +536,34 @@ class SurfaceMethod:
         brightness.load(views)
         return self.detailed_seeds(views)
 
+    def never_repeats(self, left, right, alignment):
+        """
+        Return whether the colors of a pair are steep and come again nowhere.
+
+        Parameters
+        ----------
+        left, right : numpy.ndarray, uint8, shape (H, W, 3)
+            Raw RGB images.
+        alignment : Alignment or None
+            What is known of the rows of the views.
+
+        """
+        left, right, looks = self.alike(left, right)
+        if self.gray:
+            return False
+        applied = np.zeros(COUNT) if alignment is None else alignment.applied
+        views, repetition = self.views.load(left, right, applied, looks), self.tuning.repetition
+        if color_detail(views, self.tuning) < repetition.steep_detail:
+            return False
+        self.coarse.search(views)
+        return self.coarse.rival_share() < repetition.unique_share
+
     def repeats(self, views):
         """Return whether the pair repeats itself where its pattern must not; sets rival_share."""
         share, repetition = self.coarse.rival_share(), self.tuning.repetition
         if share < repetition.noticed_share or (
-                share < repetition.certain_share and colors_show(views, self.tuning)):
+                share < repetition.certain_share
+                and color_detail(views, self.tuning) > repetition.least_color_detail):
             return False
         self.rival_share = share
         if self.blur_explains_rivals(views):

@@ -306,8 +306,8 @@ def colors_of(views):
     return [(each[inner], left.variance[inner]) for each in (left.u, left.v)]
 
 
-def colors_show(views, tuning):
-    """Return whether the colors of most lit nodes of the left view change by more than noise."""
+def color_detail(views, tuning):
+    """Return the median detail of the colors of the lit nodes of the left view, see `detail`."""
     lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
     found = detail(colors_of(views), tuning.brightness)[lit]
-    return bool(found.size and np.median(found) > tuning.repetition.least_color_detail)
+    return float(np.median(found)) if found.size else 0.0

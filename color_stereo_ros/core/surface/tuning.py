@@ -1251,6 +1251,14 @@ class RepetitionTuning(Constants):
         2.3, '1', 'Median of the detail of colors, see `texture.detail`, from which they show.',
         chosen('Default pattern 19 to 42, blurred by 3 px 3.0, in ambient light of 300 % 2.7 and '
                '10; gray speckle .5 to 1.1, white dots 1 to 2.1.'))
+    steep_detail: float = constant(
+        15.0, '1', 'Median of the detail of colors from which a pattern that nobody has named may '
+        'be aperiodic.',
+        chosen('Two-dimensional colors as photographed 21 to 125, default pattern 19 to 67. Sines '
+               'and stripes whose repetitions lie outside the search 4 to 10.'), off=math.inf)
+    unique_share: float = constant(
+        0.06, '1', 'Share of nodes with a rival up to which it is.',
+        chosen('The same patterns at most .05; stripes .07 and more.'))
     sure_share: float = constant(
         0.4, '1', 'Such a share that unequal blur does not explain.',
         chosen('One view blurred by 3 px: .05 to .24. Repeating colors: mostly .5 to .9.'))
