@@ -41,8 +41,8 @@ SETTINGS = {'matching__third_view': 'off', 'matching__row_alignment': 'off'}
 """Half of the kernels of the surface method."""
 METHODS = ('paper', 'surface')
 """
-In the order of their kernels' number. What compiles kernels does not know what they are for, so the
-paper's method and `total` tell what the surface method would in seven times the time.
+Those with few kernels first. What compiles kernels does not know what they are for, so the paper's
+method and `total` tell what the surface method would tell in seven times the time.
 """
 
 BREAK = """

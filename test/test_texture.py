@@ -157,3 +157,11 @@ def test_quantization_is_no_detail():
     """Colors have no part in that: those of a slow pattern change more than noise everywhere."""
     found = np.concatenate([np.full(10, 1e-5), np.full(90, 1e-2)])
     assert not details_show(found, np.linspace(0.01, 0.29, 100), TUNING.brightness)
+
+
+def test_views_of_one_scene_are_alike_and_those_of_two_are_not():
+    grid, views = views_of(13)
+    search = TextureSearch(grid, (-10, 20), TUNING)
+    assert search.search(views, True).alike_share > 0.8
+    views.right.s = views.right.u = views.right.v = np.ascontiguousarray(views.right.s[::-1])
+    assert search.search(views, True).alike_share < 0.1

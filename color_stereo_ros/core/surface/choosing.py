@@ -12,7 +12,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The surface method under a pattern of which nothing is known: each pair tells what it is like."""
+"""The surface method under a pattern of which nothing is known: each pair shows what it is."""
 
 import math
 
@@ -20,8 +20,6 @@ from .method import SurfaceMethod
 from .tuning import tuning_for
 from ..constants import replaced
 from ..patterns.expectation import Expectation
-
-APERIODIC = Expectation(aperiodic=True, cycles=1)
 
 
 def surface_method(settings, calibration, limits, rectified_input=False, constants=None):
@@ -52,7 +50,7 @@ def surface_method(settings, calibration, limits, rectified_input=False, constan
     expectation = Expectation.of(settings.pattern)
     if expectation.aperiodic or math.isfinite(expectation.cycles):
         return made(expectation)
-    return UnknownPattern(made(APERIODIC), made(expectation))
+    return UnknownPattern(made(Expectation(aperiodic=True, cycles=1)), made(expectation))
 
 
 class UnknownPattern:

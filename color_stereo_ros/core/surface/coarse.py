@@ -45,6 +45,8 @@ class Seeds:
     """
     period_odds: np.ndarray = None
     """float32 (h, w) of the coarse grid, log-odds of the right period; None: not in doubt."""
+    alike_share: float = float('nan')
+    """Share of the nodes whose surroundings are alike in both views; NaN: nobody has asked."""
 
 
 class CoarseSearch:

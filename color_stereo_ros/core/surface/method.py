@@ -204,7 +204,8 @@ class SurfaceMethod:
                                    self.brightness.light(views.left), uneven)
         if self.settings.matching.refinements:
             self.steps.doubt(planes, verdict, self.quality)
-        if self.aligner is not None:
+        if self.aligner is not None and not (
+                seeds.alike_share > self.tuning.brightness.agreeing_share):
             verdict.log_odds[:] -= F4(doubt(alignment))
         self.make_std_true(verdict, planes, pair, alignment)
         same = identical(*raw)

@@ -90,7 +90,9 @@ class TextureSearch:
         matcher = self.matcher(channels, count)
         found = more_alike(plain, *(matched(matcher, images, first, count)[:, ::2]
                                     for images in (plain, evened)), self.tuning)
-        return Seeds(found * F4(0.5), 1, None, 0.0)
+        alike = likeness(plain, found, self.tuning.scene_window, 2)
+        share = float(np.mean(alike > F4(self.tuning.alike)))
+        return Seeds(found * F4(0.5), 1, None, 0.0, alike_share=share)
 
     def narrowed(self, images):
         """

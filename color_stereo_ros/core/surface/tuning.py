@@ -951,6 +951,18 @@ class BrightnessTuning(Constants):
     least_alike_alone: float = constant(
         0.7, '1', 'How alike windows must be where the plain search alone has a match.',
         chosen('0: wrong .045 -> .07 in simulated speckle; real pairs .002 more right.'))
+    scene_window: int = constant(
+        11, 'nodes', 'Width and height of the windows that tell whether views show one scene.',
+        chosen('5: chance makes .27 of the windows of gray noise alike, 11: .08.'))
+    alike: float = constant(
+        0.7, '1', 'How alike windows are that show the same surface.',
+        unexplained('As `least_alike_alone`.'))
+    agreeing_share: float = constant(
+        0.3, '1', 'Share of nodes with such windows from which both views show one scene, '
+        'whatever their rows say.',
+        chosen('Photographs .38 to .97; right views of other scenes 0 to .04, of another pattern '
+               'on the same one .13. Sines on a teapot: right 0 -> .55, codes on teeth .23 -> '
+               '.61.'), off=math.inf)
     penalties: tuple = constant(
         (8, 32), 'per channel and node of a window', 'Penalties of a step of one pixel and of a '
         'larger step (P1, P2 of StereoSGBM).', derived("OpenCV's recommendation."))
@@ -1018,7 +1030,7 @@ class BrightnessTuning(Constants):
         0.3, '1', 'Detail of a node below which it tells nothing, see `texture.detail`.',
         chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
     quietest: float = constant(
-        0.05, '1', 'Share of the lit nodes with the least detail, which show the noise of the pair.',
+        0.05, '1', 'Share of the lit nodes with the least detail, which show the noise of a pair.',
         unexplained('A few surfaces without print; fewer are damage, or black.'))
     clear_detail: float = constant(
         2.0, '1', 'Detail of a node, beside that of the quietest, from which it tells something.',
