@@ -469,16 +469,16 @@ def runs(needed):
     return [slice(*each) for each in edges.reshape(-1, 2)]
 
 
-@pytest.mark.parametrize('share', [1.0, 0.7])
-def test_paths_and_windows_are_those_of_semi_global_matching(share):
+@pytest.mark.parametrize('share, depth', [(1.0, 13), (0.7, 13), (0.7, 70)])
+def test_paths_and_windows_are_those_of_semi_global_matching(share, depth):
     rng = np.random.default_rng(4)
-    cost = rng.integers(0, 160, (9, 11, 13)).astype(np.int16)
+    cost = rng.integers(0, 160, (9, 11, depth)).astype(np.int16)
     needed = np.where(rng.random((9, 11)) < share, PATHS, 1).astype(np.uint8)
     summed, total = np.zeros((2, *cost.shape), np.int16)
     sum_windows(cost, needed, summed)
     windows = naive_sweep.windows(cost)
     np.testing.assert_array_equal(summed, np.where((needed == PATHS)[..., None], windows, 0))
-    scratch = np.empty((BANDS, 11 // BANDS + 2, 15), np.int16)
+    scratch = np.empty((BANDS, 11 // BANDS + 2, depth + 3), np.int16)
     penalties = np.int16(60), np.int16(600), np.int16(8000)
     paths_along_rows(summed, needed, *penalties, total, scratch)
     paths_along_columns(summed, needed, *penalties, total, scratch)

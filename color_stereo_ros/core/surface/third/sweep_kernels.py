@@ -46,6 +46,7 @@ MARGIN = F4(TUNING.color.margin)
 LEAST_LIGHT = F4(TUNING.color.least_light)
 LARGEST = I2(32767)
 stack_pixels = stack_array(U4, LENGTH)
+stack_places = stack_array(I2, LENGTH + 1)
 PATHS = 2  # of what is needed of a coarse node: paths; 1: its costs only; 0: nothing
 
 
@@ -574,29 +575,45 @@ def sum_windows(k, cost, needed, out):
                 total[n] = I2((I4(corners) + I4(2) * I4(sides) + I4(4) * I4(e[n])) >> I4(1))
 
 
-@part()
+@part(forceinline=True)
 def follow(cost, path, small, large, total, add):
     """
     Go one step along a semi-global path, for all disparities of a node.
 
-    path, int16 (D + 2), holds the costs of the last node less their lowest between two guards; it
-    takes those of this one. Returns the lowest cost.
+    path, int16 (D + 3), holds the costs of the last node between two guards, and their lowest; it
+    takes those of this one. Loops store into small arrays of their own: LLVM makes no SIMD of
+    stores into arrays that might overlap.
 
     """
-    depth = cost.size
-    before = path[0]
-    least = LARGEST
-    for n in range(depth):
-        here, after = path[n + 1], path[n + 2]
-        step = min(min(here, I2(min(before, after) + small)), large)
-        before = here
-        value = I2(cost[n] + step)
-        total[n] = I2(total[n] + value) if add else value
-        path[n + 1] = value
-        least = min(least, value)
-    for n in range(depth):
-        path[n + 1] = I2(path[n + 1] - least)
-    return least
+    depth, lowest = cost.size, path[cost.size + 2]
+    before, values, totals = stack_places(), stack_integers(), stack_integers()
+    bound, last, least = I2(large + lowest), I2(path[0] + lowest), LARGEST
+    path[depth + 1] = last  # the guard is no cost of the last node
+    for start in range(0, depth, LENGTH):
+        count = min(LENGTH, depth - start)
+        costs, sums = cost[start:start + count], total[start:start + count]
+        own, after = path[start + 1:start + 1 + count], path[start + 2:start + 2 + count]
+        before[0] = last
+        for n in range(count):
+            before[n + 1] = own[n]
+        last = before[count]
+        for n in range(count):
+            step = min(min(before[n + 1], I2(min(before[n], after[n]) + small)), bound)
+            value = I2(costs[n] + I2(step - lowest))
+            values[n] = value
+            totals[n] = I2(sums[n] + value) if add else value
+            least = min(least, value)
+        for n in range(count):
+            own[n] = values[n]
+            sums[n] = totals[n]
+    path[depth + 2] = least
+
+
+@part()
+def begin_path(path, guard):
+    """Let nothing be known of the last node; path as in `follow`."""
+    path[:] = I2(0)
+    path[0] = guard
 
 
 @banded()
@@ -609,22 +626,19 @@ def paths_along_rows(k, cost, needed, small, large, guard, total, scratch):
     """
     rows, columns, depth = cost.shape
     first, last = band(k, rows)
-    path = scratch[k, 0]
+    path = scratch[k, 0, :depth + 3]
     for y in range(first, last):
         for backwards in range(2):
-            path[:depth + 2] = I2(0)
-            path[0] = guard
-            path[depth + 1] = guard
-            whole = True
+            whole = False
             for n in range(columns):
                 x = columns - 1 - n if backwards else n
                 if needed[y, x] != PATHS:
                     whole = False
                     continue
                 if not whole:
-                    path[1:depth + 1] = I2(0)
+                    begin_path(path, guard)
                     whole = True
-                follow(cost[y, x], path[:depth + 2], small, large, total[y, x], backwards == 1)
+                follow(cost[y, x], path, small, large, total[y, x], backwards == 1)
 
 
 @banded()
@@ -633,21 +647,16 @@ def paths_along_columns(k, cost, needed, small, large, guard, total, scratch):
     rows, columns, depth = cost.shape
     first, last = band(k, columns)
     for backwards in range(2):
-        for x in range(first, last):
-            path = scratch[k, x - first]
-            path[:depth + 2] = I2(0)
-            path[0] = guard
-            path[depth + 1] = guard
         for n in range(rows):
             y = rows - 1 - n if backwards else n
-            before = min(max(y + 1 if backwards else y - 1, 0), rows - 1)
+            before = y + 1 if backwards else y - 1
             for x in range(first, last):
                 if needed[y, x] != PATHS:
                     continue
-                if needed[before, x] != PATHS:
-                    scratch[k, x - first, 1:depth + 1] = I2(0)
-                follow(cost[y, x], scratch[k, x - first, :depth + 2], small, large, total[y, x],
-                       True)
+                path = scratch[k, x - first, :depth + 3]
+                if n == 0 or needed[before, x] != PATHS:
+                    begin_path(path, guard)
+                follow(cost[y, x], path, small, large, total[y, x], True)
 
 
 @banded()
