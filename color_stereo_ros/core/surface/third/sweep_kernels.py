@@ -366,6 +366,76 @@ def sweep_misfits(k, nodes, told, flat, size, colors, sweep, d, a, b, step_y, st
             out[nodes[start + n]] = own_u[n]
 
 
+@banded(fastmath=FAST)
+def sparse_misfits(k, left_u, left_v, left_var, light, unrest, scale, flat, size, colors, sweep, d,
+                   phase, cap, out):
+    """
+    Write the misfits of every second node, across and down, at its plane; float32 (h, w).
+
+    As `sweep_misfits`, without a list: all these nodes are compared. Those whose color says
+    nothing get cap.
+
+    """
+    m, c = numbers(sweep), numbers(colors)
+    own_u, own_v, noises = stack_row(), stack_row(), stack_row()
+    xs, ys, ds, red, blue, gray = (stack_row(), stack_row(), stack_row(), stack_row(), stack_row(),
+                                   stack_row())
+    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
+    rows, columns = out.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        y = PAD + 2 * row
+        for start in range(0, columns, LENGTH):
+            count = min(LENGTH, columns - start)
+            whole, left = (count + 7) & ~7, PAD + 2 * start
+            us, vs, variances = left_u[y, left:], left_v[y, left:], left_var[y, left:]
+            factors, reds, blues = unrest[y, left:], light[0, y, left:], light[1, y, left:]
+            grays, here, told = light[2, y, left:], d[y, left:], out[row, start:start + count]
+            for n in range(count):
+                at = U4(2 * n)
+                xs[n], ys[n] = F4(4 * (start + n)) + F4(0.5), F4(4 * row) + F4(0.5)
+                ds[n], noises[n] = here[at], scale * factors[at] * variances[at]
+                red[n], blue[n], gray[n] = reds[at], blues[at], grays[at]
+            see(flat, size, m, c, MARGIN, whole, xs, ys, ds, red, blue, gray, color_u, color_v,
+                slope_u, slope_v)
+            for n in range(count):
+                at = U4(2 * n)
+                error_u, error_v = us[at] - color_u[n], vs[at] - color_v[n]
+                steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
+                chi = (error_u * error_u + error_v * error_v) / (noises[n] + phase * steep)
+                own_u[n] = chi if (chi < cap) & (variances[at] < SILENT_VARIANCE) else cap
+            for n in range(count):
+                told[n] = own_u[n]
+
+
+@banded(fastmath=FAST)
+def around_sparse(k, sparse, rows, columns, out):
+    """
+    Write the mean of what `sparse_misfits` wrote of the 3 x 3 nodes around every node.
+
+    out, float32 framed, of (rows, columns) nodes; its frame stays.
+
+    """
+    half, quarter = F4(0.5), F4(0.25)
+    first, last = band(k, rows)
+    for row in range(first, last):
+        above, below = sparse[row // 2], sparse[(row + 1) // 2]
+        told = out[PAD + row, PAD:PAD + columns]
+        even, odd = stack_row(), stack_row()
+        for start in range(0, (columns + 1) // 2, LENGTH):
+            count = min(LENGTH, (columns + 1) // 2 - start)
+            one, other = above[start:start + count], below[start:start + count]
+            for n in range(count):
+                even[n] = half * (one[n] + other[n])
+            one, other = above[start + 1:start + 1 + count], below[start + 1:start + 1 + count]
+            for n in range(one.size):
+                odd[n] = half * even[n] + quarter * (one[n] + other[n])
+            for n in range(count):
+                told[2 * (start + n)] = even[n]
+            for n in range(min(count, columns // 2 - start)):
+                told[2 * (start + n) + 1] = odd[n]
+
+
 @part(fastmath=FAST)
 def sum_columns(cost, y, start, out):
     """Write the sums of three nodes around row y, for the columns from start on."""
@@ -471,6 +541,20 @@ def seed_unknown(k, coarse, known, factor, rows, columns, d, a, b):
                 b[y + PAD, x + PAD] = slope_y
 
 
+@part()
+def anchor_row(there, known, out):
+    """Write what is known where it is there; all others stay."""
+    for x in range(out.size):
+        out[x] = known[x] if there[x] else out[x]
+
+
+@part()
+def choose_known(there, known, otherwise, out):
+    """Write what is known where it is there, and otherwise a number."""
+    for x in range(out.size):
+        out[x] = known[x] if there[x] else otherwise
+
+
 @banded()
 def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, known_moment, cap,
                  d, a, b, weight, moment, misfit, cost):
@@ -480,18 +564,16 @@ def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, 
     All arrays are framed. told_misfit is what the pattern says of the planes of two cameras.
 
     """
-    rows, columns = firm.shape
-    first, last = band(k, rows)
+    first, last = band(k, firm.shape[0])
     for y in range(first, last):
-        for x in range(columns):
-            there = firm[y, x]
-            d[y, x] = known_d[y, x] if there else d[y, x]
-            a[y, x] = known_a[y, x] if there else a[y, x]
-            b[y, x] = known_b[y, x] if there else b[y, x]
-            weight[y, x] = known_weight[y, x] if there else F4(0)
-            moment[y, x] = known_moment[y, x] if there else F4(0)
-            misfit[y, x] = told_misfit[y, x] if there else NAN
-            cost[y, x] = told_misfit[y, x] if there else cap
+        there, told = firm[y], told_misfit[y]
+        anchor_row(there, known_d[y], d[y])
+        anchor_row(there, known_a[y], a[y])
+        anchor_row(there, known_b[y], b[y])
+        choose_known(there, known_weight[y], F4(0), weight[y])
+        choose_known(there, known_moment[y], F4(0), moment[y])
+        choose_known(there, told, NAN, misfit[y])
+        choose_known(there, told, cap, cost[y])
 
 
 @banded(fastmath=FAST)

@@ -26,8 +26,8 @@ from .fusion import Fusion, known_planes
 from .projected import Projected
 from .search import SweepSearch
 from .sweep_kernels import (
-    anchor_nodes, best_windows, count_nodes, linearize_sweep, list_nodes, places_of_nodes,
-    seed_unknown, sweep_misfits, take_best)
+    anchor_nodes, around_sparse, best_windows, count_nodes, linearize_sweep, list_nodes,
+    places_of_nodes, seed_unknown, sparse_misfits, sweep_misfits, take_best)
 from .tuning import TUNING
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
@@ -117,9 +117,7 @@ class ThirdView:
         self.costs = arena.zeros((len(NEIGHBORS), *grid.shape), F4)
         self.local = np.ones((4, *grid.shape), F4)
         self.lists = tuple(NodeList(grid, arena) for _ in range(2))
-        rows, columns = np.indices(grid.shape)
-        self.sparse = (rows % 2 == 0) & (columns % 2 == 0)
-        self.sparse_share = cv2.blur(self.sparse.astype(F4), (3, 3))
+        self.sparse = arena.zeros(tuple(count // 2 + 1 for count in grid.nodes), F4)
         self.projected = self.prepared = self.search = self.found = self.last_light = None
         self.fusion = Fusion(grid)
 
@@ -196,9 +194,12 @@ class ThirdView:
 
     def witness(self, planes, light):
         """Return the mean misfit around the nodes at planes, from a quarter of them, float32."""
-        self.seen.fill(TUNING.use.misfit_cap)
-        self.misfits(planes, light, 0, 0, self.listed(0, self.sparse, light), self.seen)
-        return cv2.blur(self.seen * self.sparse, (3, 3)) / self.sparse_share
+        left, projected = self.views.left, self.projected
+        sparse_misfits(left.u, left.v, left.variance, light.local, light.unrest, light.scale,
+                       light.pattern.image, projected.size, light.colors, projected.sweep,
+                       planes.d, self.phase, F4(TUNING.use.misfit_cap), self.sparse)
+        around_sparse(self.sparse, *self.grid.nodes, self.seen)
+        return self.seen
 
     def listed(self, which, region, light):
         """Return the NodeList of a region whose color says something; which: 0 or 1."""
@@ -440,8 +441,8 @@ class ThirdView:
     def coarse_known(self, planes, firm):
         """Return the disparity of the coarse nodes that are firm, px, float32; NaN elsewhere."""
         share = self.coarsened(firm)
-        mean = self.coarsened(np.where(firm, planes.d, F4(0)))
-        return np.where(share > F4(TUNING.use.whole_share), mean, F4(np.nan))
+        # where any node is not firm the mean does not count
+        return np.where(share > F4(TUNING.use.whole_share), self.coarsened(planes.d), F4(np.nan))
 
 
 def some_projector(geometry):
