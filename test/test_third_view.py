@@ -770,7 +770,8 @@ def test_places_of_nodes_are_those_of_the_sweep():
 def test_nothing_compiles_after_a_projector_is_taken():
     rig = ColorStereo(CALIBRATION, settings())
     rig.use_projector(projector())
-    kernels = (mixed_errors, sparse_misfits, around_sparse, color_equations, color_errors, color_slopes, solve_changes, decide, sort_nodes,
+    kernels = (mixed_errors, sparse_misfits, around_sparse, color_equations, color_errors,
+               color_slopes, solve_changes, decide, sort_nodes,
                gather_evidence, weigh_forms, cells_of_nodes, claim_cells, find_contested,
                anchor_nodes, best_windows, count_nodes, fit_region, list_nodes, linearize_sweep,
                seed_unknown, spread_planes,

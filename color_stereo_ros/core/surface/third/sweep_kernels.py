@@ -46,7 +46,6 @@ MARGIN = F4(TUNING.color.margin)
 LEAST_LIGHT = F4(TUNING.color.least_light)
 LARGEST = I2(32767)
 stack_pixels = stack_array(U4, LENGTH)
-stack_places = stack_array(I2, LENGTH + 1)
 PATHS = 2  # of what is needed of a coarse node: paths; 1: its costs only; 0: nothing
 
 
@@ -668,7 +667,7 @@ def follow(cost, path, small, large, total, add):
 
     """
     depth, lowest = cost.size, path[cost.size + 2]
-    before, values, totals = stack_places(), stack_integers(), stack_integers()
+    before, values, totals = stack_integers(), stack_integers(), stack_integers()
     bound, last, least = I2(large + lowest), I2(path[0] + lowest), LARGEST
     path[depth + 1] = last  # the guard is no cost of the last node
     for start in range(0, depth, LENGTH):
@@ -676,11 +675,11 @@ def follow(cost, path, small, large, total, add):
         costs, sums = cost[start:start + count], total[start:start + count]
         own, after = path[start + 1:start + 1 + count], path[start + 2:start + 2 + count]
         before[0] = last
-        for n in range(count):
+        for n in range(count - 1):
             before[n + 1] = own[n]
-        last = before[count]
+        last = own[count - 1]
         for n in range(count):
-            step = min(min(before[n + 1], I2(min(before[n], after[n]) + small)), bound)
+            step = min(min(own[n], I2(min(before[n], after[n]) + small)), bound)
             value = I2(costs[n] + I2(step - lowest))
             values[n] = value
             totals[n] = I2(sums[n] + value) if add else value
