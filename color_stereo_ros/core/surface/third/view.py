@@ -75,16 +75,20 @@ class NodeList:
         """Allocate as many entries as there are nodes."""
         most = grid.shape[0] * grid.shape[1]
         self.all_nodes = arena.zeros((most,), np.int32)
-        self.all_told = arena.zeros((8, most), F4)
-        self.nodes, self.told = self.all_nodes[:0], self.all_told[:, :0]
+        self.all_told = arena.zeros((8 * most,), F4)
+        self.take(0)
+
+    def take(self, count):
+        """Take room for so many nodes; contiguous also if there is none: kernels know one kind."""
+        self.nodes = self.all_nodes[:count]
+        self.told = self.all_told[:8 * count].reshape(8, count)
 
     def fill(self, region, left, light):
         """List the nodes of a region, bool framed, whose color says something; return self."""
         counts = np.empty(len(region), np.int64)
         count_nodes(region, left.variance, counts)
         starts = np.cumsum(counts) - counts
-        count = int(starts[-1] + counts[-1])
-        self.nodes, self.told = self.all_nodes[:count], self.all_told[:, :count]
+        self.take(int(starts[-1] + counts[-1]))
         list_nodes(region, starts, left.u, left.v, left.variance, light.local, light.unrest,
                    light.scale, self.nodes, self.told)
         return self
@@ -247,6 +251,8 @@ class ThirdView:
         self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
         nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
         warm_colors(self.coarse.disparity.shape)
+        places_of_nodes(self.projected.sweep, planes.d, self.coarse.factor,
+                        np.empty((2, 1, 1), F4))
         witness = self.witness(planes, light)
         self.fill(planes, nothing, witness, light, self.solver.linearized,
                   PairModel.neutral(self.views), nothing)
