@@ -25,7 +25,7 @@ from color_stereo_ros.core.surface.grid_kernels import (
     PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
 from color_stereo_ros.core.surface.plane_kernels import fit_planes, RADIUS, WIDE_RADIUS
 from color_stereo_ros.core.surface.third.color_kernels import (
-    color_equations, color_errors, color_slopes, solve_changes)
+    color_equations, color_errors, color_slopes, mixed_errors, solve_changes)
 from color_stereo_ros.core.surface.third.colors import (
     chromaticity, fitted_colors, local_light, mixed)
 from color_stereo_ros.core.surface.third.fitting_kernels import fit_region
@@ -37,9 +37,10 @@ from color_stereo_ros.core.surface.third.search import needed_nodes
 from color_stereo_ros.core.surface.third.sweep import (
     geometry_variance, packed, places, straightened, sweep_matrix)
 from color_stereo_ros.core.surface.third.sweep_kernels import (
-    anchor_nodes, best_windows, cells_of_nodes, cheapest_disparities, claim_cells, count_nodes,
-    find_contested, linearize_sweep, list_nodes, PATHS, paths_along_columns, paths_along_rows,
-    places_of_nodes, seed_unknown, sum_windows, sweep_costs, sweep_misfits, take_best)
+    anchor_nodes, around_sparse, best_windows, cells_of_nodes, cheapest_disparities, claim_cells,
+    count_nodes, find_contested, linearize_sweep, list_nodes, PATHS, paths_along_columns,
+    paths_along_rows, places_of_nodes, seed_unknown, sparse_misfits, sum_windows, sweep_costs,
+    sweep_misfits, take_best)
 from color_stereo_ros.core.surface.third.tuning import TUNING
 from color_stereo_ros.core.surface.trust import Verdict
 from color_stereo_ros.core.surface.tuning import TUNING as TUNING_OF_TWO
@@ -240,6 +241,15 @@ def test_the_colors_of_the_camera_are_found_but_for_brightness():
     np.testing.assert_allclose(chromaticity(mixed(found, light)), [u, v], atol=0.01)
 
 
+def test_errors_of_colors_are_those_of_their_chromaticities():
+    rng = np.random.default_rng(2)
+    light, (u, v) = rng.random((3, 20)), rng.normal(0, 0.5, (2, 20))
+    colors, error = np.eye(3, 4) + rng.uniform(0, 0.1, (3, 4)), np.empty(20)
+    mixed_errors(u, v, light, colors, TUNING.color.least_light, error)
+    expected = np.subtract([u, v], chromaticity(mixed(colors, light)))
+    np.testing.assert_allclose(error, np.sum(expected ** 2, axis=0), rtol=1e-5)
+
+
 @lru_cache(maxsize=None)
 def nodes():
     """Return random inputs of the kernels: one tile row of nodes and a pattern."""
@@ -330,6 +340,30 @@ def test_the_plane_of_a_neighbor_is_compared_at_the_own_place():
         expected = naive_node(given, y, x, d)
         told = 60 if expected is None else min(expected[0], 60)
         assert out[y, x] == pytest.approx(told if given['region'][y, x] else 7, rel=2e-3)
+
+
+@pytest.mark.parametrize('columns', [30, 31])
+def test_sparse_misfits_are_those_of_every_second_node_and_spread_as_means(columns):
+    given, rows = nodes(), 14
+    d, variance = given['d'].copy(), np.where(given['region'], given['variance'], SILENT_VARIANCE)
+    d[PAD + 4, PAD + 6] = np.nan
+    sparse = np.zeros((rows // 2 + 1, columns // 2 + 1), F4)
+    sparse_misfits(given['u'], given['v'], variance, given['light'], given['unrest'], F4(1.5),
+                   given['flat'], given['size'], given['colors'], given['sweep'], d, F4(0.04),
+                   F4(60), sparse)
+    for y, x in np.ndindex(sparse.shape):
+        at = PAD + 2 * y, PAD + 2 * x
+        expected = None if np.isnan(d[at]) else naive_node(given, *at, d[at])
+        assert sparse[y, x] == pytest.approx(
+            60 if expected is None else min(expected[0], 60), rel=2e-3)
+    around = np.full(d.shape, 7, F4)
+    around_sparse(sparse, rows, columns, around)
+    for y, x in np.ndindex(rows, columns):
+        known = [sparse[j // 2, i // 2] for j in (y - 1, y, y + 1) for i in (x - 1, x, x + 1)
+                 if j % 2 == 0 and i % 2 == 0]
+        assert around[PAD + y, PAD + x] == pytest.approx(np.mean(known), rel=1e-5)
+    assert (np.delete(around, np.s_[PAD:PAD + rows], axis=0) == 7).all()
+    assert (around[:, PAD + columns:] == 7).all() and (around[:, :PAD] == 7).all()
 
 
 def test_a_wanted_node_takes_the_best_plane_around():
@@ -469,16 +503,16 @@ def runs(needed):
     return [slice(*each) for each in edges.reshape(-1, 2)]
 
 
-@pytest.mark.parametrize('share', [1.0, 0.7])
-def test_paths_and_windows_are_those_of_semi_global_matching(share):
+@pytest.mark.parametrize('share, depth', [(1.0, 13), (0.7, 13), (0.7, 70)])
+def test_paths_and_windows_are_those_of_semi_global_matching(share, depth):
     rng = np.random.default_rng(4)
-    cost = rng.integers(0, 160, (9, 11, 13)).astype(np.int16)
+    cost = rng.integers(0, 160, (9, 11, depth)).astype(np.int16)
     needed = np.where(rng.random((9, 11)) < share, PATHS, 1).astype(np.uint8)
     summed, total = np.zeros((2, *cost.shape), np.int16)
     sum_windows(cost, needed, summed)
     windows = naive_sweep.windows(cost)
     np.testing.assert_array_equal(summed, np.where((needed == PATHS)[..., None], windows, 0))
-    scratch = np.empty((BANDS, 11 // BANDS + 2, 15), np.int16)
+    scratch = np.empty((BANDS, 11 // BANDS + 2, depth + 3), np.int16)
     penalties = np.int16(60), np.int16(600), np.int16(8000)
     paths_along_rows(summed, needed, *penalties, total, scratch)
     paths_along_columns(summed, needed, *penalties, total, scratch)
@@ -736,7 +770,8 @@ def test_places_of_nodes_are_those_of_the_sweep():
 def test_nothing_compiles_after_a_projector_is_taken():
     rig = ColorStereo(CALIBRATION, settings())
     rig.use_projector(projector())
-    kernels = (color_equations, color_errors, color_slopes, solve_changes, decide, sort_nodes,
+    kernels = (mixed_errors, sparse_misfits, around_sparse, color_equations, color_errors,
+               color_slopes, solve_changes, decide, sort_nodes,
                gather_evidence, weigh_forms, cells_of_nodes, claim_cells, find_contested,
                anchor_nodes, best_windows, count_nodes, fit_region, list_nodes, linearize_sweep,
                seed_unknown, spread_planes,

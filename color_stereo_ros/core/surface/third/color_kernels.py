@@ -71,6 +71,20 @@ def color_equations(u, v, light, weight, colors, least_total, normal):
             normal[i, j] = normal[j, i]
 
 
+@serial(fastmath=FAST)
+def mixed_errors(u, v, light, colors, least_light, error):
+    """Write the squared errors of chromaticities (N,) under colors, float64 (3, 4)."""
+    for n in range(u.size):
+        p, q, o = F8(light[0, n]), F8(light[1, n]), F8(light[2, n])
+        r = colors[0, 0] * p + colors[0, 1] * q + colors[0, 2] * o + colors[0, 3]
+        g = colors[1, 0] * p + colors[1, 1] * q + colors[1, 2] * o + colors[1, 3]
+        b = colors[2, 0] * p + colors[2, 1] * q + colors[2, 2] * o + colors[2, 3]
+        share = 1.0 / max(r + g + b, least_light)
+        error_u = u[n] - (2.0 * r - g - b) * share
+        error_v = v[n] - math.sqrt(3.0) * (g - b) * share
+        error[n] = error_u * error_u + error_v * error_v
+
+
 @banded(fastmath=FAST)
 def color_slopes(k, u, v, variance, light, known, colors, change, sums):
     """

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .color_kernels import color_equations, color_errors, color_slopes, solve_changes
+from .color_kernels import (
+    color_equations, color_errors, color_slopes, mixed_errors, solve_changes)
 from .tuning import TUNING
 
 F4 = np.float32
@@ -81,15 +82,14 @@ def fitted_colors(u, v, light, weight):
     """
     tuning = TUNING.color
     prior, normal = np.eye(3, 4), np.empty((12, 12))
-    colors, trust = prior, weight
+    colors, trust, error = prior, weight, np.empty(len(weight))
     for _ in range(tuning.turns):
         color_equations(u, v, light, trust, colors, tuning.least_total, normal)
         hold = tuning.color_prior * np.trace(normal) / 12
         solved = np.linalg.solve(normal + hold * np.eye(12), hold * prior.ravel())
         colors = solved.reshape(3, 4)
         colors = colors * (3 / max(np.trace(colors[:, :3]), tuning.least_total))
-        seen_u, seen_v = chromaticity(mixed(colors, light))
-        error = (u - seen_u) ** 2 + (v - seen_v) ** 2
+        mixed_errors(u, v, light, colors, tuning.least_light, error)
         trust = weight / (1 + error / max(middle(error) * tuning.robust, tuning.least_error))
     return colors.astype(F4)
 

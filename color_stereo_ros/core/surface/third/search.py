@@ -54,7 +54,7 @@ class SweepSearch:
         self.cost, self.summed, self.total = (arena.empty((h, w, whole), I2) for _ in range(3))
         # paths see no difference between these and the end of the volume
         self.cost[..., self.depth:] = TUNING.search.guard_cost // TUNING.search.window_weight
-        self.scratch = arena.empty((BANDS, w // BANDS + 2, whole + 2), I2)
+        self.scratch = arena.empty((BANDS, w // BANDS + 2, whole + 3), I2)
         self.best = arena.empty((h, w), F4)
 
     @property

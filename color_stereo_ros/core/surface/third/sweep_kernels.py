@@ -365,6 +365,76 @@ def sweep_misfits(k, nodes, told, flat, size, colors, sweep, d, a, b, step_y, st
             out[nodes[start + n]] = own_u[n]
 
 
+@banded(fastmath=FAST)
+def sparse_misfits(k, left_u, left_v, left_var, light, unrest, scale, flat, size, colors, sweep, d,
+                   phase, cap, out):
+    """
+    Write the misfits of every second node, across and down, at its plane; float32 (h, w).
+
+    As `sweep_misfits`, without a list: all these nodes are compared. Those whose color says
+    nothing get cap.
+
+    """
+    m, c = numbers(sweep), numbers(colors)
+    own_u, own_v, noises = stack_row(), stack_row(), stack_row()
+    xs, ys, ds, red, blue, gray = (stack_row(), stack_row(), stack_row(), stack_row(), stack_row(),
+                                   stack_row())
+    color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
+    rows, columns = out.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        y = PAD + 2 * row
+        for start in range(0, columns, LENGTH):
+            count = min(LENGTH, columns - start)
+            whole, left = (count + 7) & ~7, PAD + 2 * start
+            us, vs, variances = left_u[y, left:], left_v[y, left:], left_var[y, left:]
+            factors, reds, blues = unrest[y, left:], light[0, y, left:], light[1, y, left:]
+            grays, here, told = light[2, y, left:], d[y, left:], out[row, start:start + count]
+            for n in range(count):
+                at = U4(2 * n)
+                xs[n], ys[n] = F4(4 * (start + n)) + F4(0.5), F4(4 * row) + F4(0.5)
+                ds[n], noises[n] = here[at], scale * factors[at] * variances[at]
+                red[n], blue[n], gray[n] = reds[at], blues[at], grays[at]
+            see(flat, size, m, c, MARGIN, whole, xs, ys, ds, red, blue, gray, color_u, color_v,
+                slope_u, slope_v)
+            for n in range(count):
+                at = U4(2 * n)
+                error_u, error_v = us[at] - color_u[n], vs[at] - color_v[n]
+                steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
+                chi = (error_u * error_u + error_v * error_v) / (noises[n] + phase * steep)
+                own_u[n] = chi if (chi < cap) & (variances[at] < SILENT_VARIANCE) else cap
+            for n in range(count):
+                told[n] = own_u[n]
+
+
+@banded(fastmath=FAST)
+def around_sparse(k, sparse, rows, columns, out):
+    """
+    Write the mean of what `sparse_misfits` wrote of the 3 x 3 nodes around every node.
+
+    out, float32 framed, of (rows, columns) nodes; its frame stays.
+
+    """
+    half, quarter = F4(0.5), F4(0.25)
+    first, last = band(k, rows)
+    for row in range(first, last):
+        above, below = sparse[row // 2], sparse[(row + 1) // 2]
+        told = out[PAD + row, PAD:PAD + columns]
+        even, odd = stack_row(), stack_row()
+        for start in range(0, (columns + 1) // 2, LENGTH):
+            count = min(LENGTH, (columns + 1) // 2 - start)
+            one, other = above[start:start + count], below[start:start + count]
+            for n in range(count):
+                even[n] = half * (one[n] + other[n])
+            one, other = above[start + 1:start + 1 + count], below[start + 1:start + 1 + count]
+            for n in range(one.size):
+                odd[n] = half * even[n] + quarter * (one[n] + other[n])
+            for n in range(count):
+                told[2 * (start + n)] = even[n]
+            for n in range(min(count, columns // 2 - start)):
+                told[2 * (start + n) + 1] = odd[n]
+
+
 @part(fastmath=FAST)
 def sum_columns(cost, y, start, out):
     """Write the sums of three nodes around row y, for the columns from start on."""
@@ -470,6 +540,20 @@ def seed_unknown(k, coarse, known, factor, rows, columns, d, a, b):
                 b[y + PAD, x + PAD] = slope_y
 
 
+@part()
+def anchor_row(there, known, out):
+    """Write what is known where it is there; all others stay."""
+    for x in range(out.size):
+        out[x] = known[x] if there[x] else out[x]
+
+
+@part()
+def choose_known(there, known, otherwise, out):
+    """Write what is known where it is there, and otherwise a number."""
+    for x in range(out.size):
+        out[x] = known[x] if there[x] else otherwise
+
+
 @banded()
 def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, known_moment, cap,
                  d, a, b, weight, moment, misfit, cost):
@@ -479,18 +563,16 @@ def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, 
     All arrays are framed. told_misfit is what the pattern says of the planes of two cameras.
 
     """
-    rows, columns = firm.shape
-    first, last = band(k, rows)
+    first, last = band(k, firm.shape[0])
     for y in range(first, last):
-        for x in range(columns):
-            there = firm[y, x]
-            d[y, x] = known_d[y, x] if there else d[y, x]
-            a[y, x] = known_a[y, x] if there else a[y, x]
-            b[y, x] = known_b[y, x] if there else b[y, x]
-            weight[y, x] = known_weight[y, x] if there else F4(0)
-            moment[y, x] = known_moment[y, x] if there else F4(0)
-            misfit[y, x] = told_misfit[y, x] if there else NAN
-            cost[y, x] = told_misfit[y, x] if there else cap
+        there, told = firm[y], told_misfit[y]
+        anchor_row(there, known_d[y], d[y])
+        anchor_row(there, known_a[y], a[y])
+        anchor_row(there, known_b[y], b[y])
+        choose_known(there, known_weight[y], F4(0), weight[y])
+        choose_known(there, known_moment[y], F4(0), moment[y])
+        choose_known(there, told, NAN, misfit[y])
+        choose_known(there, told, cap, cost[y])
 
 
 @banded(fastmath=FAST)
@@ -574,29 +656,45 @@ def sum_windows(k, cost, needed, out):
                 total[n] = I2((I4(corners) + I4(2) * I4(sides) + I4(4) * I4(e[n])) >> I4(1))
 
 
-@part()
+@part(forceinline=True)
 def follow(cost, path, small, large, total, add):
     """
     Go one step along a semi-global path, for all disparities of a node.
 
-    path, int16 (D + 2), holds the costs of the last node less their lowest between two guards; it
-    takes those of this one. Returns the lowest cost.
+    path, int16 (D + 3), holds the costs of the last node between two guards, and their lowest; it
+    takes those of this one. Loops store into small arrays of their own: LLVM makes no SIMD of
+    stores into arrays that might overlap.
 
     """
-    depth = cost.size
-    before = path[0]
-    least = LARGEST
-    for n in range(depth):
-        here, after = path[n + 1], path[n + 2]
-        step = min(min(here, I2(min(before, after) + small)), large)
-        before = here
-        value = I2(cost[n] + step)
-        total[n] = I2(total[n] + value) if add else value
-        path[n + 1] = value
-        least = min(least, value)
-    for n in range(depth):
-        path[n + 1] = I2(path[n + 1] - least)
-    return least
+    depth, lowest = cost.size, path[cost.size + 2]
+    before, values, totals = stack_integers(), stack_integers(), stack_integers()
+    bound, last, least = I2(large + lowest), I2(path[0] + lowest), LARGEST
+    path[depth + 1] = last  # the guard is no cost of the last node
+    for start in range(0, depth, LENGTH):
+        count = min(LENGTH, depth - start)
+        costs, sums = cost[start:start + count], total[start:start + count]
+        own, after = path[start + 1:start + 1 + count], path[start + 2:start + 2 + count]
+        before[0] = last
+        for n in range(count - 1):
+            before[n + 1] = own[n]
+        last = own[count - 1]
+        for n in range(count):
+            step = min(min(own[n], I2(min(before[n], after[n]) + small)), bound)
+            value = I2(costs[n] + I2(step - lowest))
+            values[n] = value
+            totals[n] = I2(sums[n] + value) if add else value
+            least = min(least, value)
+        for n in range(count):
+            own[n] = values[n]
+            sums[n] = totals[n]
+    path[depth + 2] = least
+
+
+@part()
+def begin_path(path, guard):
+    """Let nothing be known of the last node; path as in `follow`."""
+    path[:] = I2(0)
+    path[0] = guard
 
 
 @banded()
@@ -609,22 +707,19 @@ def paths_along_rows(k, cost, needed, small, large, guard, total, scratch):
     """
     rows, columns, depth = cost.shape
     first, last = band(k, rows)
-    path = scratch[k, 0]
+    path = scratch[k, 0, :depth + 3]
     for y in range(first, last):
         for backwards in range(2):
-            path[:depth + 2] = I2(0)
-            path[0] = guard
-            path[depth + 1] = guard
-            whole = True
+            whole = False
             for n in range(columns):
                 x = columns - 1 - n if backwards else n
                 if needed[y, x] != PATHS:
                     whole = False
                     continue
                 if not whole:
-                    path[1:depth + 1] = I2(0)
+                    begin_path(path, guard)
                     whole = True
-                follow(cost[y, x], path[:depth + 2], small, large, total[y, x], backwards == 1)
+                follow(cost[y, x], path, small, large, total[y, x], backwards == 1)
 
 
 @banded()
@@ -633,21 +728,16 @@ def paths_along_columns(k, cost, needed, small, large, guard, total, scratch):
     rows, columns, depth = cost.shape
     first, last = band(k, columns)
     for backwards in range(2):
-        for x in range(first, last):
-            path = scratch[k, x - first]
-            path[:depth + 2] = I2(0)
-            path[0] = guard
-            path[depth + 1] = guard
         for n in range(rows):
             y = rows - 1 - n if backwards else n
-            before = min(max(y + 1 if backwards else y - 1, 0), rows - 1)
+            before = y + 1 if backwards else y - 1
             for x in range(first, last):
                 if needed[y, x] != PATHS:
                     continue
-                if needed[before, x] != PATHS:
-                    scratch[k, x - first, 1:depth + 1] = I2(0)
-                follow(cost[y, x], scratch[k, x - first, :depth + 2], small, large, total[y, x],
-                       True)
+                path = scratch[k, x - first, :depth + 3]
+                if n == 0 or needed[before, x] != PATHS:
+                    begin_path(path, guard)
+                follow(cost[y, x], path, small, large, total[y, x], True)
 
 
 @banded()

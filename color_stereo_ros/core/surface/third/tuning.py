@@ -138,9 +138,8 @@ class SearchTuning(Constants):
         8000, 'cost of 8 nodes', 'Path cost that loses against any other and leaves room to add.',
         derived('As `coarse.guard_cost`.'))
     lanes: int = constant(
-        32, '1', 'Depth of the volumes is a multiple of it.',
-        derived('Entries of two vectors of int16: what is left runs one by one, and takes four '
-                'times as long.'))
+        16, '1', 'Depth of the volumes is a multiple of it.',
+        derived('Entries of a vector of int16: loops over them have no remainder.'))
     window_weight: int = constant(
         8, '1', 'Sum of the weights of a window of coarse nodes.',
         derived('1 2 1 across and down, halved.'))

@@ -26,8 +26,8 @@ from .fusion import Fusion, known_planes
 from .projected import Projected
 from .search import SweepSearch
 from .sweep_kernels import (
-    anchor_nodes, best_windows, count_nodes, linearize_sweep, list_nodes, places_of_nodes,
-    seed_unknown, sweep_misfits, take_best)
+    anchor_nodes, around_sparse, best_windows, count_nodes, linearize_sweep, list_nodes,
+    places_of_nodes, seed_unknown, sparse_misfits, sweep_misfits, take_best)
 from .tuning import TUNING
 from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from ..pair_model import PairModel
@@ -75,16 +75,20 @@ class NodeList:
         """Allocate as many entries as there are nodes."""
         most = grid.shape[0] * grid.shape[1]
         self.all_nodes = arena.zeros((most,), np.int32)
-        self.all_told = arena.zeros((8, most), F4)
-        self.nodes, self.told = self.all_nodes[:0], self.all_told[:, :0]
+        self.all_told = arena.zeros((8 * most,), F4)
+        self.take(0)
+
+    def take(self, count):
+        """Take room for so many nodes; contiguous also if there is none: kernels know one kind."""
+        self.nodes = self.all_nodes[:count]
+        self.told = self.all_told[:8 * count].reshape(8, count)
 
     def fill(self, region, left, light):
         """List the nodes of a region, bool framed, whose color says something; return self."""
         counts = np.empty(len(region), np.int64)
         count_nodes(region, left.variance, counts)
         starts = np.cumsum(counts) - counts
-        count = int(starts[-1] + counts[-1])
-        self.nodes, self.told = self.all_nodes[:count], self.all_told[:, :count]
+        self.take(int(starts[-1] + counts[-1]))
         list_nodes(region, starts, left.u, left.v, left.variance, light.local, light.unrest,
                    light.scale, self.nodes, self.told)
         return self
@@ -117,9 +121,7 @@ class ThirdView:
         self.costs = arena.zeros((len(NEIGHBORS), *grid.shape), F4)
         self.local = np.ones((4, *grid.shape), F4)
         self.lists = tuple(NodeList(grid, arena) for _ in range(2))
-        rows, columns = np.indices(grid.shape)
-        self.sparse = (rows % 2 == 0) & (columns % 2 == 0)
-        self.sparse_share = cv2.blur(self.sparse.astype(F4), (3, 3))
+        self.sparse = arena.zeros(tuple(count // 2 + 1 for count in grid.nodes), F4)
         self.projected = self.prepared = self.search = self.found = self.last_light = None
         self.fusion = Fusion(grid)
 
@@ -196,9 +198,12 @@ class ThirdView:
 
     def witness(self, planes, light):
         """Return the mean misfit around the nodes at planes, from a quarter of them, float32."""
-        self.seen.fill(TUNING.use.misfit_cap)
-        self.misfits(planes, light, 0, 0, self.listed(0, self.sparse, light), self.seen)
-        return cv2.blur(self.seen * self.sparse, (3, 3)) / self.sparse_share
+        left, projected = self.views.left, self.projected
+        sparse_misfits(left.u, left.v, left.variance, light.local, light.unrest, light.scale,
+                       light.pattern.image, projected.size, light.colors, projected.sweep,
+                       planes.d, self.phase, F4(TUNING.use.misfit_cap), self.sparse)
+        around_sparse(self.sparse, *self.grid.nodes, self.seen)
+        return self.seen
 
     def listed(self, which, region, light):
         """Return the NodeList of a region whose color says something; which: 0 or 1."""
@@ -246,6 +251,8 @@ class ThirdView:
         self.prepare(some_projector(self.geometry), np.zeros((*WARM, 3), np.uint8))
         nothing, light = np.zeros(self.grid.shape, bool), self.neutral_light()
         warm_colors(self.coarse.disparity.shape)
+        places_of_nodes(self.projected.sweep, planes.d, self.coarse.factor,
+                        np.empty((2, 1, 1), F4))
         witness = self.witness(planes, light)
         self.fill(planes, nothing, witness, light, self.solver.linearized,
                   PairModel.neutral(self.views), nothing)
@@ -440,8 +447,8 @@ class ThirdView:
     def coarse_known(self, planes, firm):
         """Return the disparity of the coarse nodes that are firm, px, float32; NaN elsewhere."""
         share = self.coarsened(firm)
-        mean = self.coarsened(np.where(firm, planes.d, F4(0)))
-        return np.where(share > F4(TUNING.use.whole_share), mean, F4(np.nan))
+        # where any node is not firm the mean does not count
+        return np.where(share > F4(TUNING.use.whole_share), self.coarsened(planes.d), F4(np.nan))
 
 
 def some_projector(geometry):
