@@ -140,7 +140,8 @@ def steps(folder, count, settings):
     """
     settings = updated(RangeNodeSettings(), flat(settings))
     used = dict.fromkeys(('pairing', 'reading', 'measuring', 'contents', 'writing'), 0.0)
-    with Recording(folder / str(count)) as recording, open_writer(folder / 'steps') as writer:
+    with Recording(folder / str(count)) as recording, \
+            open_writer(folder / 'steps', 'fast') as writer:
         topics = recording.stereo_topics()
         with timed(used, 'pairing'):
             plan = plan_of(recording, topics, settings, print)

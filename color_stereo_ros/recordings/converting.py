@@ -63,6 +63,8 @@ class Conversion:
     namespace : str or None
         Goes before the outputs; None = what the names of both images begin with.
     work : Work
+    compression : str
+        One of `mcap_writing.COMPRESSIONS`.
 
     Raises
     ------
@@ -72,12 +74,13 @@ class Conversion:
     """
 
     def __init__(self, recording, result, topics, settings, outputs=None, namespace=None,
-                 work=Work()):
+                 work=Work(), compression='fast'):
         check_writable(result, work.overwrite)
         check_place(result)
         self._recording, self._result, self._topics = recording, Path(result), topics
         self._settings = for_workers(settings)
         self._outputs, self._work = outputs and tuple(outputs), work
+        self._compression = compression
         self._namespace = (topics.common_namespace if namespace is None
                            else f'/{namespace}/'.replace('//', '/'))
         self._parts = Parts(self._result.resolve())
@@ -150,7 +153,8 @@ class Conversion:
 
     def _run(self):
         return Run(str(self._recording.path.resolve()), str(self._parts.folder),
-                   self._topics.names, Writing(self._outputs, self._namespace), uuid4().hex,
+                   self._topics.names,
+                   Writing(self._outputs, self._namespace, self._compression), uuid4().hex,
                    self._recording.loss is not None)
 
     def _identity(self):
@@ -161,4 +165,5 @@ class Conversion:
                 'bytes': sum(file.stat().st_size for file in files if file.is_file()),
                 'pairs': len(self.plan.rows), 'topics': list(self._topics.names),
                 'outputs': self._outputs and list(self._outputs), 'namespace': self._namespace,
+                'compression': self._compression,
                 'settings': flat(self._settings)}
