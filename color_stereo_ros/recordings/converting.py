@@ -21,6 +21,7 @@ from uuid import uuid4
 
 from .accounts import Tally, Teller
 from .engine import run_tasks
+from .memory import keep_memory
 from .parts import Parts
 from .tasks import pairs_per_task, readable_plan, tasks_of
 from .working import for_workers, Run, Writing
@@ -102,6 +103,7 @@ class Conversion:
 
     def pair(self, say, tick=lambda message: None):
         """Find the pairs, see `readable_plan`."""
+        keep_memory()
         self.plan = readable_plan(self._recording, self._topics, self._settings, say, tick)
 
     def measure(self, say, tick=lambda count: None):

@@ -27,6 +27,7 @@ import numpy as np
 from .accounts import Tally, Teller
 from .engine import run_tasks
 from .export_tasks import ChosenTask, Exporting, film_picture
+from .memory import keep_memory
 from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS
 from .reading import seconds
 from .tasks import pairs_per_task, readable_plan, tasks_of
@@ -142,6 +143,7 @@ class Export:
 
     def pair(self, say, tick=lambda message: None):
         """Find the pairs, see `readable_plan`, and choose among them."""
+        keep_memory()
         self.plan = readable_plan(self._recording, self._topics, self._settings, say, tick)
         self.frames = chosen_frames(self._wanted.frames, len(self.plan.rows))
 
