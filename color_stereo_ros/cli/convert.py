@@ -38,9 +38,6 @@ def add_arguments(parser):
     parser.add_argument('--overwrite', action='store_true',
                         help='replace RESULT if it is a recording')
     work = add_work_arguments(parser)
-    work.add_argument('--scheduler', metavar='ADDRESS', help='address of a Dask scheduler, such '
-                      'as tcp://host:8786: its workers measure; all of them must see RECORDING '
-                      'and the folder of RESULT under the same names (docs/scale.md)')
     left = work.add_mutually_exclusive_group()
     left.add_argument('--resume', action='store_true', help='go on with a run that was stopped')
     left.add_argument('--restart', action='store_true', help='forget a run that was stopped')
