@@ -320,7 +320,7 @@ class ViewPage(ServedPage):
         self._plane.content = about_plane(plane)
 
     def _add_corner(self, event):
-        """Add a corner to a polygon; the third one and those after it fit a plane to its points."""
+        """Add a corner to a polygon; from the third one on, fit a plane to what it holds."""
         with self._lock:
             pixel = self._pixel_of(event.ray_origin, event.ray_direction)
             if pixel is None:
