@@ -295,6 +295,18 @@ def test_three_machines_give_the_same_though_one_is_killed(tmp_path, cards, few,
             assert decoded(result) == expected
 
 
+def test_a_scheduler_exports_the_same_files(tmp_path, cards, few):
+    words = ['export', str(cards), str(tmp_path / 'alone'), '--products', 'ply', 'npz', *PAPER]
+    assert cli.main([*words, '--workers', '1']) == 0
+    with cluster(tmp_path / 'dask', 2) as (address, _):
+        words[2] = str(tmp_path / 'cluster')
+        assert cli.main([*words, '--scheduler', address]) == 0
+    alone, others = (sorted((tmp_path / name).iterdir()) for name in ('alone', 'cluster'))
+    assert [path.name for path in alone] == [path.name for path in others]
+    assert len(alone) == 2 * COUNT
+    assert all(path.read_bytes() == other.read_bytes() for path, other in zip(alone, others))
+
+
 def test_the_memory_of_a_worker_does_not_grow_with_the_pairs(tmp_path, effort, figures,
                                                              monkeypatch):
     count, settled = effort.count(400, 2000), 200

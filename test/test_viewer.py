@@ -210,6 +210,13 @@ def test_a_browser_shows_points_and_answers_clicks(browser, page, frames):
         window.page.get_by_text('degrees from the optical axis').last.wait_for()
         wait_for(lambda: 'RMS' in window.page.inner_text('body'))
         assert told(window, 'tilt')[0] < 1 and told(window, 'points')[0] > 500
+        # a plane through a polygon: half of the points of the box that its corners span
+        window.page.keyboard.down('Shift')
+        for row, column in ((22, 32), (22, 60), (46, 32)):
+            window.page.mouse.click(*place_of(page, points[row, column]))
+        window.page.keyboard.up('Shift')
+        wait_for(lambda: told(window, 'points')[0] == pytest.approx(0.5 * 24 * 28, rel=0.15))
+        assert told(window, 'tilt')[0] < 1
         # another pair
         window.page.get_by_role('slider').first.press('ArrowRight')
         window.page.get_by_text('pair 1 of 3').wait_for()

@@ -26,7 +26,7 @@ from color_stereo_ros.files.image import write_image
 from color_stereo_ros.parameters.groups import RangeNodeSettings
 from color_stereo_ros.viewer.frame import Frame
 from color_stereo_ros.viewer.measuring import (
-    distance, fitted_plane, inside_box, point_on_ray)
+    distance, fitted_plane, inside_box, inside_polygon, point_on_ray)
 from color_stereo_ros.viewer.page import patch
 from color_stereo_ros.viewer.pictures import (
     legends_of, NAMES, pattern_colors, pictures_of, POINT_COLORS)
@@ -126,6 +126,14 @@ def test_a_plane_has_the_tilt_and_the_scatter_it_was_made_with():
     assert plane.normal[2] < 0 and plane.count == 5000
     with pytest.raises(SettingsError, match='9 points have a range there'):
         fitted_plane(points[:9])
+
+
+def test_a_polygon_holds_what_lies_within_its_corners():
+    inside = inside_polygon([(2, 1), (6, 1), (2, 5)], (9, 7))
+    assert inside.shape == (7, 9)
+    expected = [(column, row) for row in range(7) for column in range(9)
+                if row >= 1 and column >= 2 and column + row <= 7]
+    assert [tuple(place) for place in np.argwhere(inside)[:, ::-1]] == expected
 
 
 def test_every_picture_and_every_color_of_points_is_drawn(frame):

@@ -42,6 +42,7 @@ from ..core import ColorStereo
 from ..core.settings import flat, updated
 from ..parameters.groups import RangeNodeSettings
 from ..recordings.measuring import make_stereo, OutputWriter, PairSensor
+from ..recordings.memory import keep_memory
 from ..recordings.reading import Recording
 from ..recordings.tasks import plan_of, read_pairs, SETTLING, WARM_UP
 from ..recordings.writing import open_writer, write_recording
@@ -139,8 +140,10 @@ def steps(folder, count, settings):
 
     """
     settings = updated(RangeNodeSettings(), flat(settings))
+    keep_memory()
     used = dict.fromkeys(('pairing', 'reading', 'measuring', 'contents', 'writing'), 0.0)
-    with Recording(folder / str(count)) as recording, open_writer(folder / 'steps') as writer:
+    with Recording(folder / str(count)) as recording, \
+            open_writer(folder / 'steps', 'fast') as writer:
         topics = recording.stereo_topics()
         with timed(used, 'pairing'):
             plan = plan_of(recording, topics, settings, print)

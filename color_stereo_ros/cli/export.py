@@ -63,7 +63,8 @@ def run(args):
         check_apart(args.recording, args.folder)
     with open_readable(args.recording, warn) as recording:
         topics = topics_of(args, recording, settings)
-        export = Export(recording, args.folder, topics, settings, wanted, workers)
+        export = Export(recording, args.folder, topics, settings, wanted, workers,
+                        args.scheduler)
         with Progress.pairing(recording, topics) as (say, tick):
             export.pair(say, tick)
         with Progress(total=export.pairs, unit='pair') as progress:

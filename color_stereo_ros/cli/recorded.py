@@ -41,6 +41,10 @@ def add_work_arguments(parser):
     work = parser.add_argument_group('work', 'the result does not depend on who works')
     work.add_argument('--workers', type=int, metavar='N', help='processes on this machine, each '
                       'with one thread (default: one for each core)')
+    work.add_argument('--scheduler', metavar='ADDRESS', help='address of a Dask scheduler, such '
+                      'as tcp://host:8786: its workers measure; all of them must see the '
+                      'recording and the folder of the result under the same names '
+                      '(docs/scale.md)')
     return work
 
 

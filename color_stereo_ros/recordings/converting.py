@@ -21,6 +21,7 @@ from uuid import uuid4
 
 from .accounts import Tally, Teller
 from .engine import run_tasks
+from .memory import keep_memory
 from .parts import Parts
 from .tasks import pairs_per_task, readable_plan, tasks_of
 from .working import for_workers, Run, Writing
@@ -63,6 +64,8 @@ class Conversion:
     namespace : str or None
         Goes before the outputs; None = what the names of both images begin with.
     work : Work
+    compression : str
+        One of `mcap_writing.COMPRESSIONS`.
 
     Raises
     ------
@@ -72,12 +75,13 @@ class Conversion:
     """
 
     def __init__(self, recording, result, topics, settings, outputs=None, namespace=None,
-                 work=Work()):
+                 work=Work(), compression='fast'):
         check_writable(result, work.overwrite)
         check_place(result)
         self._recording, self._result, self._topics = recording, Path(result), topics
         self._settings = for_workers(settings)
         self._outputs, self._work = outputs and tuple(outputs), work
+        self._compression = compression
         self._namespace = (topics.common_namespace if namespace is None
                            else f'/{namespace}/'.replace('//', '/'))
         self._parts = Parts(self._result.resolve())
@@ -99,6 +103,7 @@ class Conversion:
 
     def pair(self, say, tick=lambda message: None):
         """Find the pairs, see `readable_plan`."""
+        keep_memory()
         self.plan = readable_plan(self._recording, self._topics, self._settings, say, tick)
 
     def measure(self, say, tick=lambda count: None):
@@ -150,7 +155,8 @@ class Conversion:
 
     def _run(self):
         return Run(str(self._recording.path.resolve()), str(self._parts.folder),
-                   self._topics.names, Writing(self._outputs, self._namespace), uuid4().hex,
+                   self._topics.names,
+                   Writing(self._outputs, self._namespace, self._compression), uuid4().hex,
                    self._recording.loss is not None)
 
     def _identity(self):
@@ -161,4 +167,5 @@ class Conversion:
                 'bytes': sum(file.stat().st_size for file in files if file.is_file()),
                 'pairs': len(self.plan.rows), 'topics': list(self._topics.names),
                 'outputs': self._outputs and list(self._outputs), 'namespace': self._namespace,
+                'compression': self._compression,
                 'settings': flat(self._settings)}

@@ -42,6 +42,16 @@ Of local processes: memory of images is kept, where Dask's own values would retu
 for each pair; that saves a quarter of the processor time (docs/scale.md). Dask sets it in this
 process, too, while it starts others: numba's variables have no place here.
 """
+QUIET = {'distributed.worker.profile.enabled': False,
+         'distributed.worker.memory.monitor-interval': '1s',
+         'distributed.scheduler.active-memory-manager.start': False,
+         'distributed.admin.tick.interval': '1s',
+         'distributed.admin.system-monitor.interval': '5s',
+         'distributed.admin.system-monitor.gil.enabled': False}
+"""
+Dask watches its processes a hundred times a second, for a page that is not served here; that
+costs a tenth of the processor time (docs/scale.md).
+"""
 
 
 def run_tasks(run, tasks, *, workers, scheduler=None, tick=lambda count: None):
@@ -109,7 +119,7 @@ def _client(workers, scheduler):
             yield client
         return
     with dask.config.set({'distributed.nanny.pre-spawn-environ': ENVIRONMENT,
-                          'distributed.scheduler.allowed-failures': DEATHS}), \
+                          'distributed.scheduler.allowed-failures': DEATHS, **QUIET}), \
             _deaf_to_interrupts() as hear, _local_cluster(workers) as cluster:
         hear()
         with Client(cluster) as client:

@@ -27,6 +27,7 @@ import numpy as np
 from .accounts import Tally, Teller
 from .engine import run_tasks
 from .export_tasks import ChosenTask, Exporting, film_picture
+from .memory import keep_memory
 from .products import DEFAULT_PRODUCTS, MILLIMETERS, PRODUCTS
 from .reading import seconds
 from .tasks import pairs_per_task, readable_plan, tasks_of
@@ -125,13 +126,16 @@ class Export:
     wanted : Wanted
     workers : int
         Processes of this machine.
+    scheduler : str, optional
+        Address of a Dask scheduler: its workers measure.
 
     """
 
-    def __init__(self, recording, folder, topics, settings, wanted=Wanted(), workers=1):
+    def __init__(self, recording, folder, topics, settings, wanted=Wanted(), workers=1,
+                 scheduler=None):
         self._recording, self._folder, self._topics = recording, Path(folder), topics
         self._settings, self._wanted = for_workers(settings), wanted
-        self._workers = workers
+        self._workers, self._scheduler = workers, scheduler
         self._products = [PRODUCTS[name] for name in dict.fromkeys(wanted.products)]
         self.plan = self.frames = None
         """The Plan, and the indices of the chosen pairs, once they are known."""
@@ -142,6 +146,7 @@ class Export:
 
     def pair(self, say, tick=lambda message: None):
         """Find the pairs, see `readable_plan`, and choose among them."""
+        keep_memory()
         self.plan = readable_plan(self._recording, self._topics, self._settings, say, tick)
         self.frames = chosen_frames(self._wanted.frames, len(self.plan.rows))
 
@@ -203,7 +208,7 @@ class Export:
                       for item in films]
             teller = Teller(say)
             with closing(run_tasks(self._run(parts), tasks, workers=self._workers,
-                                   tick=tick)) as accounts:
+                                   scheduler=self._scheduler, tick=tick)) as accounts:
                 for account in in_order(accounts):
                     self._take(account, teller, parts, adders)
             if not self.tally.measured:

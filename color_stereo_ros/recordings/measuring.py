@@ -24,7 +24,7 @@ from .reading import seconds
 from .refusals import TOLD
 from ..core import ColorStereo, ColorStereoError, ImageError
 from ..core.doubts import Doubts
-from ..messages.contents import Header
+from ..messages.contents import Header, new_memory
 from ..messages.decompressing import opened
 from ..messages.frames import frames_of, TOPIC
 from ..messages.outputs import Context, OUTPUTS
@@ -165,13 +165,14 @@ class OutputWriter:
         self._wanted, self._namespace = outputs, namespace
         self._projector = ProjectorNews()
         self._frames = None
+        self._kept = {}
 
     def write(self, result, pair):
         """Append the outputs of a RangeResult of a FoundPair."""
         settings, header = self._settings, Header.of(pair.left.header)
         self._write_frames(frames_of(header.frame_id, pair.calibration, settings.output),
                            pair.time_ns)
-        context = Context.of(header, settings, pair.calibration)
+        context = Context.of(header, settings, pair.calibration).with_memory(self._memory)
         shown = trimmed(result, context)
         for topic in self._topics_of(result):
             content = OUTPUTS[topic].content(shown, context)
@@ -180,6 +181,12 @@ class OutputWriter:
         if model is not None:
             self._writer.write_content(self._namespace + PROJECTOR, pair.time_ns,
                                        projector_info(model, header.stamp), latched=True)
+
+    def _memory(self, size):
+        """Return bytes for one message; those of the message before are written by now."""
+        if size not in self._kept:
+            self._kept = {size: new_memory(size)}
+        return self._kept[size]
 
     def _topics_of(self, result):
         """Return the outputs of a result."""

@@ -14,10 +14,18 @@
 # limitations under the License.
 """The message types of ROS 2 Jazzy as the library `rosbags` knows them, and contents as CDR."""
 
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache
+import struct
 
 import numpy as np
+
+from ..messages.contents import CompressedImage, Image, PointCloud2
+
+BEHIND_DATA = {Image.TYPE: 0, CompressedImage.TYPE: 0, PointCloud2.TYPE: 1}
+"""Types to bytes behind their field `data`, which are not aligned."""
+LENGTH = struct.Struct('<I')
+NOTHING = np.empty(0, np.uint8)
 
 
 @lru_cache(maxsize=1)
@@ -50,15 +58,45 @@ def serialized(content):
     return typestore().serialize_cdr(_message(content), content.TYPE)
 
 
+def serialized_parts(content):
+    """
+    Return the bytes of a message in parts, so that a long field `data` is not copied.
+
+    Parameters
+    ----------
+    content : object
+        One of `messages.contents`.
+
+    Returns
+    -------
+    parts : tuple of bytes-like
+        Joined they are what `serialized` returns.
+
+    """
+    if content.TYPE not in BEHIND_DATA:
+        return serialized(content),
+    data = memoryview(content.data).cast('B')
+    around = serialized(replace(content, data=NOTHING))
+    end = len(around) - BEHIND_DATA[content.TYPE]
+    return around[:end - LENGTH.size], LENGTH.pack(len(data)), data, around[end:]
+
+
 def _message(content):
     """Return a content as an object of rosbags."""
-    values = {spec.name: _value(getattr(content, spec.name)) for spec in fields(content)}
-    return typestore().types[content.TYPE](**values)
+    names = _names(type(content))
+    return typestore().types[content.TYPE](**{name: _value(getattr(content, name))
+                                              for name in names})
+
+
+@lru_cache(maxsize=None)
+def _names(kind):
+    """Return the names of the fields of a kind of content."""
+    return [spec.name for spec in fields(kind)]
 
 
 def _value(value):
-    if is_dataclass(value):
-        return _message(value)
+    if isinstance(value, (bool, int, float, str)):
+        return value
     if isinstance(value, tuple):
         return [_message(item) for item in value]
-    return value if isinstance(value, (bool, int, float, str)) else np.asarray(value)
+    return _message(value) if is_dataclass(value) else np.asarray(value)

@@ -205,13 +205,15 @@ class Writing:
     outputs: tuple | None
     """Relative topics to write, see OutputWriter."""
     namespace: str
+    compression: str
+    """One of `mcap_writing.COMPRESSIONS`."""
 
     def measure(self, worker, task, tick):
         """Measure a task and write its part, whole or not at all; return its account."""
         said = []
         sensor = PairSensor(worker.topics, worker.settings, said.append)
         with folder_written_whole(worker.folder / part_name(task.index), replace=True) as part:
-            with open_writer(part) as writer:
+            with open_writer(part, self.compression) as writer:
                 outputs = OutputWriter(writer, worker.settings, self.outputs, self.namespace)
                 for stereo, pair in worker.pairs(task):
                     result = sensor.measure(stereo, pair)

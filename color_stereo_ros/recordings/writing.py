@@ -21,16 +21,13 @@ whole.
 """
 
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
-from .types import serialized, typestore
+from .mcap_writing import ChunkWriter
+from .types import serialized_parts, typestore
 from ..errors import RecordingError
 from ..files.atomic import folder_written_whole
 from ..messages.contents import camera_info, Header, image
-
-LEVEL = 1
-"""Of zstd: half the time of 3, the default of the library, for 3 % more bytes (docs/scale.md)."""
 
 
 @contextmanager
@@ -75,7 +72,7 @@ def check_writable(path, overwrite):
 
 
 @contextmanager
-def open_writer(path):
+def open_writer(path, compression='small'):
     """
     Write a recording under a name that nobody else uses.
 
@@ -83,6 +80,8 @@ def open_writer(path):
     ----------
     path : Path
         The folder, which is made; its file has the same name.
+    compression : str
+        One of `mcap_writing.COMPRESSIONS`.
 
     Yields
     ------
@@ -90,26 +89,32 @@ def open_writer(path):
 
     """
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-    from rosbags.rosbag2.writer import zstd
     writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
     # STORAGE = compressed chunks inside the MCAP file, which every reader of MCAP knows.
     writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
-        # the checksum lets readers notice damage: the library leaves out MCAP's own
-        writer.storage.compressor = partial(zstd.compress, options={
-            zstd.CompressionParameter.compression_level: LEVEL,
-            zstd.CompressionParameter.checksum_flag: 1})
-        yield RecordingWriter(writer)
+        writer.storage = ChunkWriter(writer.storage, compression)
+        yield RecordingWriter(writer, in_parts=True)
 
 
 class RecordingWriter:
-    """Appends messages to a recording; made by `open_writer`."""
+    """
+    Appends messages to a recording; made by `open_writer`.
 
-    def __init__(self, writer):
-        self._writer = writer
+    Parameters
+    ----------
+    writer : rosbags.rosbag2.Writer
+        Is open.
+    in_parts : bool
+        Its storage takes messages in parts, as ChunkWriter does.
+
+    """
+
+    def __init__(self, writer, in_parts=False):
+        self._writer, self._in_parts = writer, in_parts
         self._connections = {}
 
-    def write(self, topic, type_name, time_ns, data, *, latched=False):
+    def write(self, topic, type_name, time_ns, *parts, latched=False):
         """
         Append a serialized message.
 
@@ -121,8 +126,8 @@ class RecordingWriter:
             For example sensor_msgs/msg/Image.
         time_ns : int
             When it was recorded, ns.
-        data : bytes
-            CDR.
+        parts : bytes-like
+            CDR; they are joined.
         latched : bool
             The topic is transient local: who comes late gets its last message.
 
@@ -131,7 +136,8 @@ class RecordingWriter:
             self._connections[topic] = self._writer.add_connection(
                 topic, type_name, typestore=typestore(),
                 offered_qos_profiles=[_quality_of_service(latched)])
-        self._writer.write(self._connections[topic], time_ns, data)
+        self._writer.write(self._connections[topic], time_ns,
+                           parts if self._in_parts else b''.join(parts))
 
     def write_content(self, topic, time_ns, content, *, latched=False):
         """
@@ -149,7 +155,7 @@ class RecordingWriter:
             As for `write`.
 
         """
-        self.write(topic, content.TYPE, time_ns, serialized(content), latched=latched)
+        self.write(topic, content.TYPE, time_ns, *serialized_parts(content), latched=latched)
 
     def write_pair(self, time_ns, left, right, calibration, *, namespace=''):
         """

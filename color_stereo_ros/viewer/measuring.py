@@ -16,6 +16,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from ..errors import SettingsError
@@ -140,6 +141,23 @@ def fitted_plane(points):
     return FittedPlane(center, normal, float(np.sqrt(max(values[0], 0.0))),
                        float(np.abs(off).max()),
                        float(np.degrees(np.arccos(min(-normal[2], 1.0)))), len(points))
+
+
+def inside_polygon(corners, size):
+    """
+    Return which pixels a polygon holds, its border included, bool (H, W).
+
+    Parameters
+    ----------
+    corners : list of (int, int)
+        Column and row.
+    size : (int, int)
+        Width and height of the image, px.
+
+    """
+    inside = np.zeros(size[::-1], np.uint8)
+    cv2.fillPoly(inside, [np.array(corners, np.int32)], 1)
+    return inside.view(bool)
 
 
 def inside_box(points, camera, low, high):

@@ -21,7 +21,7 @@ import time
 import cv2
 import numpy as np
 
-from .measuring import distance, fitted_plane, inside_box, point_on_ray
+from .measuring import distance, fitted_plane, inside_box, inside_polygon, point_on_ray
 from .pictures import LEFT, POINT_COLORS, RIGHT
 from .scene import Scene, SECOND
 from .telling import about_distance, about_frame, about_pixel, about_plane, HOW_TO
@@ -76,13 +76,14 @@ class ViewPage(ServedPage):
         self._frames, self._index = frames, 0
         self._lock, self._changed = RLock(), Condition()
         self._wanted, self._moving = 0, False
-        self._picked = None
+        self._picked, self._corners = None, []
         self.frame = frame
         """The Frame that is shown."""
         self.scene = Scene(self.server, frame)
         self._add_panel()
         self.server.scene.on_click()(lambda event: self._click(event, False))
         self.server.scene.on_click(modifier='cmd/ctrl')(lambda event: self._click(event, True))
+        self.server.scene.on_click(modifier='shift')(self._add_corner)
         self.server.scene.on_rect_select(modifier='shift')(self._select)
         self.server.on_client_connect(self._greet)
         self.show(frame)
@@ -122,8 +123,8 @@ class ViewPage(ServedPage):
                                           label='left and right camera, around the match')
         with gui.add_folder('Measure'):
             self._distance = gui.add_markdown('Distance: click, then Ctrl and click.')
-            self._plane = gui.add_markdown('Plane: hold Shift and drag a box over points or over '
-                                           'a picture.')
+            self._plane = gui.add_markdown('Plane: hold Shift, and drag a box over points or over '
+                                           'a picture, or click around them.')
             gui.add_button('Remove marks').on_click(lambda event: self._clear())
 
     @staticmethod
@@ -198,6 +199,7 @@ class ViewPage(ServedPage):
             self.scene.show(frame, *self._steps())
             self._about.content = about_frame(frame)
             self.scene.unmark()
+            self._corners.clear()
             if self._picked is not None and not moving:
                 self._tell(*self._picked)
 
@@ -303,13 +305,33 @@ class ViewPage(ServedPage):
 
     def _select(self, event):
         with self._lock:
-            try:
-                plane = fitted_plane(self._inside(event))
-            except ColorStereoError as error:
-                self._plane.content = str(error)
+            self._corners.clear()
+            self.scene.unmark('corners')
+            self._fit(self._inside(event))
+
+    def _fit(self, points):
+        """Draw and tell the plane of some points, float32 (N, 3), m."""
+        try:
+            plane = fitted_plane(points)
+        except ColorStereoError as error:
+            self._plane.content = str(error)
+            return
+        self.scene.sheet('plane', plane.center, plane.normal, 4 * plane.rms)
+        self._plane.content = about_plane(plane)
+
+    def _add_corner(self, event):
+        """Add a corner to a polygon; from the third one on, fit a plane to what it holds."""
+        with self._lock:
+            pixel = self._pixel_of(event.ray_origin, event.ray_direction)
+            if pixel is None:
                 return
-            self.scene.sheet('plane', plane.center, plane.normal, 4 * plane.rms)
-            self._plane.content = about_plane(plane)
+            self._corners.append(pixel)
+            self.scene.mark('corners', [spot for corner in self._corners
+                                        for spot in self._spots(*corner)], SECOND)
+            self._plane.content = f'Plane: {len(self._corners)} corners, three are needed.'
+            if len(self._corners) > 2:
+                inside = self.frame.points[inside_polygon(self._corners, self.frame.size)]
+                self._fit(inside[np.isfinite(inside[:, 2])])
 
     def _inside(self, event):
         """Return the points inside a box in the window, float32 (N, 3)."""
@@ -331,6 +353,7 @@ class ViewPage(ServedPage):
         with self._lock:
             self.scene.unmark()
             self._picked = None
+            self._corners.clear()
             self._told.content = HOW_TO
             self._patches.visible = self._curve.visible = False
 

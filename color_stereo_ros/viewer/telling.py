@@ -26,7 +26,7 @@ SEEN_BY = {0: 'nobody else', 1: 'the right camera', 2: 'the projector',
            3: 'the right camera and the projector'}
 """Values of `RangeResult.views` to words."""
 HOW_TO = ('Click on a point or on a picture. Ctrl and click: distance from the last point. '
-          'Shift and drag: plane through a box.')
+          'Shift and drag: plane through a box. Shift and click: through a polygon.')
 
 
 def table(rows):
