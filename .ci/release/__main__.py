@@ -42,7 +42,7 @@ def run(check, places):
     """Return one row: name, command, result, figure, seconds."""
     print(f'{check.name} ...', flush=True)
     started = time.monotonic()
-    places.log = places.output / f'{re.sub(r"[^a-z0-9.]+", "_", check.name)}.log'
+    places.log = places.output / f'{re.sub(r"[^a-z0-9.]+", "_", check.name.lower())}.log'
     try:
         result, figure = 'passed', check.function(places)
     except LeftOut as error:

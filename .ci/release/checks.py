@@ -334,7 +334,8 @@ def first_commands(text):
 @check('sdist: quick lane', 'make quick')
 def quick(places):
     """Run the quick lane there, in an environment of its own."""
-    ran = places.run('make', 'quick', cwd=unpacked(places), environment={'PYTHONPATH': None})
+    ran = places.run('make', '--no-print-directory', 'quick', cwd=unpacked(places),
+                     environment={'PYTHONPATH': None})
     return ran.stdout.splitlines()[-1].strip('= ')
 
 
