@@ -121,9 +121,8 @@ class MatchingSettings(Group):
         'fewer and better ranges', minimum=0.0, maximum=1.0)
     smoothness: float = setting(
         1.0, 'surface method: how much the coarse search dislikes steps of the disparity, as a '
-        'factor of what suits the pattern; 0 = each node for itself, which gives fewer '
-        'ranges and fewer wrong ones', minimum=0.0, maximum=10.0,
-        off=0.0, method='surface')
+        'factor of what suits the pattern; 0 = each node for itself, which loses ranges',
+        minimum=0.0, maximum=10.0, off=0.0, method='surface')
     texture: float = setting(
         1.0, 'surface method: how much the brightness of the surface counts beside its color in '
         'the coarse search, as a factor of what suits the pattern; 0 = colors alone',
