@@ -21,7 +21,7 @@ demo:  ## play the samples through both nodes, show what comes out in demo_outpu
 	@$(COLOR_STEREO) demo
 
 quick:  ## run the tests that need no processes, no ROS and no simulator: within a minute
-	@.ci/setup tools,test
+	@.ci/setup tools,view,test
 	@$(PYTHON_RUN) -m pytest --quick
 
 test:  ## run all tests, the colcon build included

@@ -95,7 +95,8 @@ setup(
         'view': ['viser>=1.1'],
         'docs': ['sphinx>=7.2', 'myst-parser>=2.0', 'furo>=2023.9'],
         'test': ['pytest>=7.4', 'pytest-xdist>=3.4', 'colcon-common-extensions', 'setuptools<80',
-                 'playwright>=1.40', 'mypy>=1.8'],
+                 'playwright>=1.40', 'mypy>=1.8',
+                 'ruff==0.17.6'],  # each minor version knows new rules; see pre-commit
     },
     zip_safe=False,
     entry_points={'console_scripts': [

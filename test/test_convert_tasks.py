@@ -136,6 +136,7 @@ def test_messages_of_one_time_have_different_places():
         Place(5, 0), Place(5, 0), Place(5, 1), Place(6, 0)]
 
 
+@pytest.mark.processes
 def test_one_process_two_processes_and_a_resumed_run_give_the_same(tmp_path, lit, few,
                                                                    monkeypatch):
     options = [*surface_options(), '--topics', 'points', 'depth/image', 'depth_std/image',
@@ -266,6 +267,7 @@ def test_a_run_that_was_stopped_is_neither_mixed_with_another_nor_forgotten(
     assert [path.name for path in tmp_path.iterdir()] == ['result']
 
 
+@pytest.mark.processes
 def test_a_killed_worker_costs_its_task_and_nothing_else(tmp_path, cards, few, effort):
     words = ['convert', str(cards), str(tmp_path / 'alone'), *PAPER, '--workers', '1']
     assert cli.main(words) == 0
@@ -440,7 +442,8 @@ def test_a_result_is_one_recording_of_several_files(tmp_path, cards, few):
 
 @pytest.mark.parametrize('words, said', [
     (['--workers', '0'], '--workers 0: expected 1 or more'),
-    (['--scheduler', 'tcp://127.0.0.1:1'], 'no Dask scheduler answers there')])
+    pytest.param(['--scheduler', 'tcp://127.0.0.1:1'], 'no Dask scheduler answers there',
+                 marks=pytest.mark.processes)])
 def test_impossible_workers_are_refused(tmp_path, cards, capsys, words, said):
     assert cli.main(['convert', str(cards), str(tmp_path / 'result'), *PAPER, *words])
     assert said in capsys.readouterr().err

@@ -89,6 +89,14 @@ def test_the_table_of_versions_has_a_column_for_each_set():
                  ['9 passed', '8 passed, 1 failed']).splitlines()
     assert {'|  | oldest | newest |', '| numpy | 1.26.4 | 2.4.6 |', '| PyYAML | - | 6.0.4 |',
             '| tests | 9 passed | 8 passed, 1 failed |'} <= set(rows)
+    assert len(rows) == 5, 'what no set holds has no row'
+
+
+def test_the_newest_versions_are_asked_of_what_setup_gives_a_lower_bound():
+    bounded = runpy.run_path(str(ROOT / '.ci/versions'))['BOUNDED']
+    assert len(bounded) == len(set(bounded)) and not {'setuptools', 'python_requires'} & {*bounded}
+    lines = (ROOT / 'constraints/newest.txt').read_text().splitlines()
+    assert {line.partition('==')[0] for line in lines if not line.startswith('#')} <= {*bounded}
 
 
 def test_the_addresses_of_the_repository_agree():

@@ -272,6 +272,7 @@ def test_pairs_of_one_stamp_have_different_names():
     assert stems(rows) == ['0.000000000', '0.000000005', '0.000000005_2', '0.000000005_3']
 
 
+@pytest.mark.processes
 def test_a_pair_is_measured_as_convert_measures_it(tmp_path, lit, few):  # noqa: F811
     assert cli.main(['convert', str(lit), str(tmp_path / 'converted'), *surface_options(),
                      '--topics', 'depth/image', '--workers', '1']) == 0
@@ -287,6 +288,7 @@ def test_a_pair_is_measured_as_convert_measures_it(tmp_path, lit, few):  # noqa:
             assert found['color'].shape == projected.pair(noise=1)[0].shape
 
 
+@pytest.mark.processes
 def test_several_processes_write_the_same_files(tmp_path, cards, few):  # noqa: F811
     for name, workers in (('one', '1'), ('two', '2')):
         assert cli.main(['export', str(cards), str(tmp_path / name), *PAPER, '--workers', workers,

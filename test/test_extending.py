@@ -84,7 +84,7 @@ def test_the_pattern_is_a_choice_of_the_command_line_and_of_the_table(example, t
     assert 'rings: rings of all hues' in ' '.join(capsys.readouterr().out.split())
     table = markdown_table(Settings())
     assert 'pseudo_noise, unknown, rings | hue_field: aperiodic' in table
-    assert 'unknown: some other pattern; rings: rings of all hues |' in table
+    assert 'can be matched, not made; rings: rings of all hues |' in table
 
 
 def test_the_pattern_is_unknown_before_and_after():

@@ -143,6 +143,7 @@ def knocked_health(covariance=None):
         calibration, test_health.KNOCK, noise=0.05)), calibration
 
 
+@pytest.mark.processes  # the message is one of ROS
 def test_the_message_holds_all_digits_and_the_suggestion(tmp_path):
     health, calibration = knocked_health()
     fixed = corrected(calibration, health.drift)

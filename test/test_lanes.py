@@ -46,6 +46,7 @@ def test_the_quick_lane_imports_neither_ros_nor_the_simulator():
 @pytest.mark.parametrize('line, word', [
     ('import rclpy', 'does not import rclpy'),
     ('from color_stereo_ros import sim', 'does not import color_stereo_ros.sim'),
+    ('from distributed import LocalCluster', 'does not import distributed'),
     ('import os; os.fork()', 'starts no process'),
     ('import subprocess; subprocess.run(["true"])', 'starts no process')])
 def test_the_quick_lane_refuses_what_is_not_quick(line, word):

@@ -17,6 +17,9 @@
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+import re
+import subprocess
+import sys
 from xml.etree import ElementTree
 
 from color_stereo_ros.core.compiled.requirement import REQUIREMENT
@@ -48,6 +51,17 @@ def test_the_linters_that_are_installed_find_nothing(monkeypatch):
             folders = ['launch', 'config'] if name == 'ament_xmllint' else [
                 'color_stereo_ros', 'test']
             assert import_module(f'{name}.main').main(argv=folders) == 0, name
+
+
+def test_ruff_finds_nothing_in_the_version_that_pre_commit_runs():
+    pinned = {re.search(pattern, (ROOT / name).read_text()).group(1) for name, pattern in (
+        ('setup.py', r"'ruff==([\d.]+)'"), ('.ci/release/tools.txt', r'ruff==([\d.]+)'),
+        ('.pre-commit-config.yaml', r'ruff-pre-commit\n    rev: v([\d.]+)'))}
+    assert len(pinned) == 1
+    if find_spec('ruff') is not None:  # the build farm of ROS has none
+        ran = subprocess.run([sys.executable, '-m', 'ruff', 'check', '--no-cache', '.'], cwd=ROOT,
+                             capture_output=True, text=True)
+        assert ran.returncode == 0, ran.stdout
 
 
 def test_the_linters_are_dependencies_of_the_tests():

@@ -152,11 +152,14 @@ def test_a_group_of_the_wrong_class_is_refused():
 
 
 @pytest.mark.parametrize('name, text', [
-    ('pattern.type', 'hue_field: aperiodic 2-D hue, uniform brightness (default); sweep, '
-     'bright_sweep: paper fig. 2.2 right and left; sine: three phase-shifted sines; walsh; lines: '
-     'high-contrast lines; wave_field: 2-D random color waves; pseudo_noise: colored patches; '
-     'unknown: some other pattern'),
-    ('pattern.cycles', 'repetitions over the width (sweep, bright_sweep, sine)'),
+    ('pattern.type', 'hue_field: aperiodic 2-D hue, uniform brightness (default); sweep: '
+     'all hues in turn, uniform brightness (paper fig. 2.2 right); bright_sweep: all hues in '
+     'turn, full brightness (paper fig. 2.2 left); sine: three phase-shifted sines; walsh: three '
+     'Walsh functions, one a channel (paper sec. 2.1); lines: high-contrast lines (paper fig. 2.1 '
+     'left); wave_field: 2-D random color waves; pseudo_noise: colored patches; unknown: some '
+     'other pattern, which can be matched, not made'),
+    ('pattern.cycles', 'repetitions over the width (sweep, bright_sweep, sine); steeper colors '
+     'are more precise, but the same ones may come again within the search'),
     ('matching.method', 'surface: coarse to fine with slanted surfaces (default); paper: the '
      'exhaustive search of the paper, sec. 2.2')])
 def test_descriptions_tell_what_the_registries_know(name, text):

@@ -37,6 +37,8 @@ import numpy as np
 
 import pytest
 
+pytestmark = pytest.mark.processes  # cameras and truth come from the simulator
+
 BEFORE = DISTURBANCES.names
 WIDTH, HEIGHT = 64, 48
 SCALE, MARGIN = 2, 8

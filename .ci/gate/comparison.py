@@ -100,6 +100,7 @@ class Comparison:
         Parameters
         ----------
         numbered : list of (int, Combination)
+            With the number under which each is reported.
         progress : callable
             Called once for each combination.
 

@@ -169,6 +169,33 @@ def ruff(places):
     return '0 findings'
 
 
+@check('pre-commit', 'pre-commit run --all-files')
+def hooks(places):
+    """Run all hooks but the one that is a part of the tests, in a clone that they may change."""
+    folder = places.output / 'hooked'
+    places.run('git', 'clone', '--quiet', places.clone, folder)
+    ran = places.run(places.tools.with_name('pre-commit'), 'run', '--all-files', cwd=folder,
+                     environment={'SKIP': 'prose', **path_of(places.tools)}, passes=False)
+    if 'Could not resolve host' in ran.stdout:
+        raise NotHere('no network: the hooks come from GitHub')
+    failed = re.findall(r'^(.*?)\.+Failed$', ran.stdout, re.MULTILINE)
+    if ran.returncode:
+        raise Failed(', '.join(failed) or ran.stdout.splitlines()[-1])
+    return count(len(re.findall(r'\.Passed$', ran.stdout, re.MULTILINE)), 'hook')
+
+
+@check('external links', '.ci/links')
+def external(places):
+    """Ask for every link that leaves the repository; the tests look at the others."""
+    ran = places.run(sys.executable, places.tree / '.ci/links', passes=False)
+    asked, silent = map(int, re.search(r'^(\d+) links, (\d+) ', ran.stdout, re.MULTILINE).groups())
+    if silent == asked:
+        raise NotHere(f'no network: none of {asked} links answers')
+    if silent:
+        raise Failed(f'{count(silent, "link")} without an answer')
+    return count(asked, 'link')
+
+
 @check('site', 'make docs')
 def site(places):
     """Build manual and API from the wheel's docstrings; a warning is an error."""
@@ -307,7 +334,8 @@ def first_commands(text):
 @check('sdist: quick lane', 'make quick')
 def quick(places):
     """Run the quick lane there, in an environment of its own."""
-    ran = places.run('make', 'quick', cwd=unpacked(places), environment={'PYTHONPATH': None})
+    ran = places.run('make', '--no-print-directory', 'quick', cwd=unpacked(places),
+                     environment={'PYTHONPATH': None})
     return ran.stdout.splitlines()[-1].strip('= ')
 
 

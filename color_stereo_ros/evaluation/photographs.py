@@ -61,6 +61,7 @@ def figures(result, truth):
     Parameters
     ----------
     result : RangeResult
+        Its disparity, standard deviation and confidence are judged.
     truth : numpy.ndarray, float, shape (H, W)
         Disparity, px; NaN = unknown.
 

@@ -32,7 +32,8 @@ class InputSettings(Group):
     prefix = 'input'
 
     rectified: bool = setting(
-        False, 'the images are rectified already and are not rectified again')
+        False, 'true: the images are rectified already, by image_proc for example; of the '
+        'calibration P alone counts')
     mode: str = setting(
         'stream', 'stream: every pair is measured; capture: one pair for each call of the service '
         '~/capture', choices=('stream', 'capture'))
@@ -97,7 +98,8 @@ class OutputSettings(PictureSettings):
         True, 'output.save_directory and output.save_limit cannot be changed while the node runs; '
         'false: any folder inside of the one given at the start can be chosen')
     save_limit: int = setting(
-        1000, 'files of the node in its folder from which the service ~/save writes no more',
+        1000, 'the service ~/save refuses once its folder holds so many files of the node, which '
+        'guards the disk',
         minimum=0, maximum=1_000_000)
     save_format: str = setting(
         'ply', 'of the files that the service ~/save writes', choices=('ply', 'pcd'))
@@ -146,7 +148,8 @@ class SyncSettings(Group):
         0.0, 'largest difference of the stamps of a pair; 0 adapts to a little less than half the '
         'frame period', unit='s', minimum=0.0, maximum=1.0)
     queue_size: int = setting(
-        8, 'images of each camera that wait for their partner', minimum=1, maximum=100)
+        8, 'images of each camera that wait for their partner; set more where one camera '
+        'arrives late by more frames', minimum=1, maximum=100)
     warn_after: float = setting(
         3.0, 'time without a pair after which the reason is reported', unit='s', minimum=0.1,
         maximum=600.0)
@@ -242,13 +245,18 @@ class SimSettings(Group):
 
     prefix = 'sim'
 
-    scene: str = setting('solids', 'name of a scene of the package, or a YAML file')
+    scene: str = setting(
+        'solids', 'name of a scene of the package, which `color_stereo render --list` shows, or a '
+        'YAML file')
     rig: str = setting('', "name of a rig of the package, or a YAML file; empty = the scene's own")
     rate: float = setting(5.0, 'frames of each camera', unit='1/s', minimum=0.01, maximum=200.0)
-    samples: int = setting(3, 'samples per pixel along either axis', minimum=1, maximum=16)
+    samples: int = setting(
+        3, 'samples per pixel along either axis, 3 = nine of them; more are slower and smoother',
+        minimum=1, maximum=16)
     indirect: bool = setting(True, 'render light that bounces between objects')
     cache: str = setting('', 'folder that keeps what does not depend on the pattern; empty = none')
-    seed: int = setting(1, 'of the camera noise', minimum=0, maximum=2**31 - 1)
+    seed: int = setting(
+        1, 'of the camera noise; the same gives the same images', minimum=0, maximum=2**31 - 1)
 
 
 @dataclass(frozen=True)

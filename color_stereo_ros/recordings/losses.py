@@ -40,6 +40,7 @@ class Connections:
         Parameters
         ----------
         topic, msgtype : str
+            As the recording names them.
         quality : str
             The offered quality of service, as recorders write it.
 

@@ -61,6 +61,7 @@ def mcap_pieces(file, loss, found):
     Parameters
     ----------
     file : Path
+        Of the recording; it is only read.
     loss : Loss
         Takes what cannot be read.
     found : Connections

@@ -89,6 +89,7 @@ def sqlite_pieces(file, loss, found):
     Parameters
     ----------
     file : Path
+        Of the recording; it is only read.
     loss : Loss
         Takes what cannot be read.
     found : Connections

@@ -184,9 +184,11 @@ def account_of(task, sensor, said):
     Parameters
     ----------
     task : Task
+        Whose pairs these were.
     sensor : PairSensor
         Has measured the pairs that count.
     said : list of str
+        Warnings of the pairs, for the user.
 
     Returns
     -------

@@ -16,7 +16,6 @@
 
 import numpy as np
 
-from . import sweep
 from .colors import constant_sum_colors, sweep_hue
 from .pattern import Pattern, Repeats
 
@@ -26,5 +25,4 @@ def make(settings):
     return np.minimum(1.0, 2.0 * constant_sum_colors(sweep_hue(settings)))
 
 
-# The figure shows both sweeps: lists name them together, "right and left".
-PATTERN = Pattern(sweep.PATTERN.summary, make, Repeats.CYCLES)
+PATTERN = Pattern('all hues in turn, full brightness (paper fig. 2.2 left)', make, Repeats.CYCLES)

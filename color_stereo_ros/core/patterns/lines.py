@@ -33,4 +33,4 @@ def make(settings):
     return constant_sum_colors(slow + 1.5 * (line % 2))
 
 
-PATTERN = Pattern('high-contrast lines', make, uniform_brightness=True)
+PATTERN = Pattern('high-contrast lines (paper fig. 2.1 left)', make, uniform_brightness=True)

@@ -23,4 +23,5 @@ def make(settings):
     return constant_sum_colors(sweep_hue(settings))
 
 
-PATTERN = Pattern('paper fig. 2.2 right and left', make, Repeats.CYCLES, uniform_brightness=True)
+PATTERN = Pattern('all hues in turn, uniform brightness (paper fig. 2.2 right)', make,
+                  Repeats.CYCLES, uniform_brightness=True)

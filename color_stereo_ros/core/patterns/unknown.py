@@ -16,4 +16,4 @@
 
 from .pattern import Pattern
 
-PATTERN = Pattern('some other pattern')
+PATTERN = Pattern('some other pattern, which can be matched, not made')

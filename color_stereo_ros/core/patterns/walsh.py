@@ -41,4 +41,4 @@ def parity(numbers):
     return numbers & 1
 
 
-PATTERN = Pattern('', make)
+PATTERN = Pattern('three Walsh functions, one a channel (paper sec. 2.1)', make)

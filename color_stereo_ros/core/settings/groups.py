@@ -39,16 +39,25 @@ class PatternSettings(Group):
 
     type: str = setting(  # noqa: A003
         'hue_field', lambda: explained(PATTERNS, 'hue_field'), choices=PATTERNS)
-    width: int = setting(1024, 'columns of the projector', unit='px', minimum=8, maximum=8192)
-    height: int = setting(1024, 'rows of the projector', unit='px', minimum=8, maximum=8192)
+    width: int = setting(
+        1024, 'columns of the projector, those of its native resolution: a pattern that is scaled '
+        'loses its smallest structures', unit='px', minimum=8, maximum=8192)
+    height: int = setting(
+        1024, 'rows of the projector, those of its native resolution', unit='px', minimum=8,
+        maximum=8192)
     cycles: int = setting(
-        1, lambda: f'repetitions over the width ({", ".join(repeating(Repeats.CYCLES))})',
+        1, lambda: f'repetitions over the width ({", ".join(repeating(Repeats.CYCLES))}); steeper '
+        'colors are more precise, but the same ones may come again within the search',
         minimum=1, maximum=512)
     feature_size: float = setting(
         9.0, 'size of the smallest structure: correlation length of hue_field, shortest half wave '
-        'of wave_field, width of a line or patch (lines, pseudo_noise); smaller is more precise '
-        'and asks more of projector and cameras', unit='px', minimum=1.0, maximum=256.0)
-    seed: int = setting(1, 'seed of the random patterns', minimum=0, maximum=2**31 - 1)
+        'of wave_field, width of a line or patch (lines, pseudo_noise), finest segment of '
+        'walsh; should be 4 to 6 px wide in the images: smaller is more precise and asks more of '
+        'projector and cameras', unit='px', minimum=1.0, maximum=256.0)
+    seed: int = setting(
+        1, 'of the random patterns hue_field, wave_field and pseudo_noise: another number is '
+        'another pattern of the same kind; the projector and range_node need the same one',
+        minimum=0, maximum=2**31 - 1)
 
 
 def _aperiodic():
@@ -65,9 +74,11 @@ class ColorSettings(Group):
 
     dark_level: float = setting(
         -1.0, 'signal of a camera that sees no light, subtracted first; -1 estimates it from '
-        'each image', unit='DN', minimum=-1.0, maximum=128.0)
+        'each image; set what the images show with the lens caps on, where no part of a scene is '
+        'dark', unit='DN', minimum=-1.0, maximum=128.0)
     saturation_level: int = setting(
-        254, 'a channel at or above this is overexposed', unit='DN', minimum=1, maximum=256)
+        254, 'a channel at or above this is overexposed, of 8-bit values; set less where a camera '
+        'ends below 255', unit='DN', minimum=1, maximum=256)
     min_signal: float = setting(
         4.0, 'paper method: smallest brightest channel above the dark level, below it a pixel '
         'counts as dark; surface method: sum of the channels below which a missing range is '
@@ -110,22 +121,26 @@ class MatchingSettings(Group):
         'fewer and better ranges', minimum=0.0, maximum=1.0)
     smoothness: float = setting(
         1.0, 'surface method: how much the coarse search dislikes steps of the disparity, as a '
-        'factor of what suits the pattern; 0 = each node for itself', minimum=0.0, maximum=10.0,
-        off=0.0, method='surface')
+        'factor of what suits the pattern; 0 = each node for itself, which loses ranges',
+        minimum=0.0, maximum=10.0, off=0.0, method='surface')
     texture: float = setting(
         1.0, 'surface method: how much the brightness of the surface counts beside its color in '
-        'the coarse search, as a factor of what suits the pattern', minimum=0.0, maximum=10.0)
+        'the coarse search, as a factor of what suits the pattern; 0 = colors alone',
+        minimum=0.0, maximum=10.0)
     refinements: int = setting(
-        2, 'surface method: rounds of least squares; 0 = coarse disparities only',
+        2, 'surface method: rounds of least squares; more are slower and hardly more precise; '
+        '0 = coarse disparities only',
         minimum=0, maximum=10, off=0, method='surface')
     slanted: bool = setting(
-        True, 'surface method: let the least-squares window lean with the surface',
+        True, 'surface method: let the least-squares window lean with the surface; without, '
+        'leaning surfaces have fewer and less precise ranges',
         off=False, method='surface')
     foreshortening: bool = setting(
         True, 'surface method: blur the left view of a leaning surface as the right one is',
         off=False, method='surface')
     propagation: bool = setting(
-        True, 'surface method: let nodes near depth edges try the planes of their neighbors',
+        True, 'surface method: let nodes near depth edges try the planes of their neighbors; '
+        'without, a pair takes less time, and more ranges beside edges are wrong',
         off=False, method='surface')
     color_matching: bool = setting(
         True, 'surface method: measure the color difference of the cameras from each pair, also '
@@ -159,7 +174,7 @@ class MatchingSettings(Group):
         "paper's sec. 3, or none", choices=('parabola', 'weighted', 'none'))
     uniqueness_ratio: float = setting(
         0.0, 'paper method: the best cost elsewhere must be larger than the best cost by this '
-        'share; 0 accepts all', minimum=0.0, maximum=10.0)
+        'share, 0.1 = by 10 %; 0 accepts all', minimum=0.0, maximum=10.0)
     left_right_tolerance: float = setting(
         1.0, 'paper method: largest difference between the matches left to right and right to '
         'left; 0 switches the test off', unit='px', minimum=0.0, maximum=64.0, off=0.0,
@@ -183,10 +198,12 @@ class RangeSettings(Group):
 
     prefix = 'range'
 
-    min_depth: float = setting(0.2, 'nearest Z that is searched', unit='m',
-                               minimum=0.001, maximum=1000.0)
-    max_depth: float = setting(1.0, 'farthest Z that is searched', unit='m',
-                               minimum=0.001, maximum=1000.0)
+    min_depth: float = setting(
+        0.2, 'nearest Z that is searched, along the optical axis of the rectified left camera; '
+        'nothing nearer gets a range', unit='m', minimum=0.001, maximum=1000.0)
+    max_depth: float = setting(
+        1.0, 'farthest Z that is searched; set both as close to the scene as it allows: fewer '
+        'places can be confused', unit='m', minimum=0.001, maximum=1000.0)
 
     def check_together(self) -> None:
         """Refuse an empty range."""

@@ -182,6 +182,7 @@ def more_alike(images, plain, evened, tuning):
     plain, evened : numpy.ndarray, float32, shape (h, w / 2)
         At every second column of the left image; see `likeness`.
     tuning : BrightnessTuning
+        Window of the comparison, and how clear a difference must be.
 
     """
     first, second = (likeness(images, each, tuning.compared_window, 2) for each in (plain, evened))

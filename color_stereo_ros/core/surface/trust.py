@@ -237,7 +237,9 @@ class Trust:
         Parameters
         ----------
         views : Views
+            Dark nodes of the left one count less.
         planes : PlaneField or FusedPlanes
+            Nodes whose planes meet belong to one surface.
         log_odds : numpy.ndarray, float32, framed
             Of these planes; also the columns beside the nodes are written.
 

@@ -274,6 +274,9 @@ def print_in_space(position, seed=3):
     length = np.exp(generator.uniform(*np.log(PRINT), WAVES))
     vectors = 2 * np.pi * direction / (np.linalg.norm(direction, axis=1) * length)[:, None]
     waves = np.zeros(position.shape[:2], np.float32)
-    for vector, phase in zip(vectors, generator.uniform(0, 2 * np.pi, WAVES)):
-        waves += np.cos(position @ vector.astype(np.float32) + np.float32(phase))
+    # Sums by hand: those of BLAS depend on the processor and on the order of the pixels in memory.
+    x, y, z = (np.ascontiguousarray(axis) for axis in np.moveaxis(position, -1, 0))
+    for (a, b, c), phase in zip(vectors.astype(np.float32),
+                                generator.uniform(0, 2 * np.pi, WAVES)):
+        waves += np.cos(a * x + b * y + c * z + np.float32(phase))
     return np.uint8(255 * (0.5 + 0.5 * np.tanh(1.3 * waves / np.sqrt(WAVES / 2))))

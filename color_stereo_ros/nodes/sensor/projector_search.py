@@ -43,6 +43,7 @@ class ProjectorSearch(SearchBeside):
         Parameters
         ----------
         settings : Settings
+            Name the pattern.
         calibration : StereoCalibration or None
             Of the pairs that will come.
 
