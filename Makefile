@@ -20,7 +20,7 @@ demo:  ## play the samples through both nodes, show what comes out in demo_outpu
 	@.ci/setup ros,tools,view
 	@$(COLOR_STEREO) demo
 
-quick:  ## run the tests that need no processes, no ROS and no simulator: within a minute
+quick:  ## run the tests that need no processes, no ROS and no simulator: some minutes
 	@.ci/setup tools,view,test
 	@$(PYTHON_RUN) -m pytest --quick
 
