@@ -212,8 +212,9 @@ def test_a_browser_shows_points_and_answers_clicks(browser, page, frames):
         assert told(window, 'tilt')[0] < 1 and told(window, 'points')[0] > 500
         # a plane through a polygon: half of the points of the box that its corners span
         window.page.keyboard.down('Shift')
-        for row, column in ((22, 32), (22, 60), (46, 32)):
-            window.page.mouse.click(*place_of(page, points[row, column]))
+        for count, place in enumerate(((22, 32), (22, 60), (46, 32)), 1):
+            window.page.mouse.click(*place_of(page, points[place]))
+            wait_for(lambda: len(page._corners) == count)
         window.page.keyboard.up('Shift')
         wait_for(lambda: told(window, 'points')[0] == pytest.approx(0.5 * 24 * 28, rel=0.15))
         assert told(window, 'tilt')[0] < 1
