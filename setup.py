@@ -88,8 +88,9 @@ setup(
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'sim': ['mitsuba>=3.5', 'tqdm>=4.66'],
         'project': ['pygame>=2.1'],
-        # mcap reads what is whole of damaged files; distributed: `convert` in several processes
-        'tools': ['rosbags>=0.11', 'mcap>=1.1', 'matplotlib>=3.6', 'tqdm>=4.66',
+        # rosbags up to 0.11.6 compresses by another library; mcap reads what is whole of damaged
+        # files; distributed: `convert` in several processes
+        'tools': ['rosbags>=0.11.7', 'mcap>=1.1', 'matplotlib>=3.6', 'tqdm>=4.66',
                   'distributed>=2023.1'],
         'cluster': ['distributed>=2023.1'],
         'view': ['viser>=1.1'],
