@@ -12,7 +12,6 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The message types of ROS 2 Jazzy as the library `rosbags` knows them, and contents as CDR."""
 """Chunks of MCAP files are unpacked ahead, and give what `rosbags` reads."""
 
 from color_stereo_ros.core import RecordingError

@@ -32,9 +32,9 @@ def add_arguments(parser):
                         help=f'outputs of range_node to write, of {", ".join(OUTPUTS)} (default '
                         f'{" ".join(DEFAULT_TOPICS)}; {VIEWS} where the projector may be a third '
                         'view). projector/camera_info is written where the projector is found')
-    parser.add_argument('--compression', choices=COMPRESSIONS, default='fast', help='of the '
-                        'result: small takes a tenth more time, and a tenth to a fifth less disk '
-                        '(default %(default)s)')
+    parser.add_argument('--compression', choices=COMPRESSIONS, default='fast', metavar='HOW',
+                        help=f'of the result: {" or ".join(COMPRESSIONS)}; small takes a tenth '
+                        'more time, and a tenth to a fifth less disk (default %(default)s)')
     parser.add_argument('--overwrite', action='store_true',
                         help='replace RESULT if it is a recording')
     work = add_work_arguments(parser)

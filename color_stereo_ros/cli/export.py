@@ -27,7 +27,7 @@ def add_arguments(parser):
     add_recording_arguments(parser)
     parser.add_argument('folder', help='folder to fill; names of files begin with the stamp of '
                         'their pair in s')
-    parser.add_argument('--products', nargs='+', choices=list(PRODUCTS), metavar='PRODUCT',
+    parser.add_argument('--products', nargs='+', choices=list(PRODUCTS), metavar='WHAT',
                         default=DEFAULT_PRODUCTS, help='what to write (default '
                         f'{" ".join(DEFAULT_PRODUCTS)}), of: ' + '; '.join(
                             f'{name} = {item.description}' for name, item in PRODUCTS.items()))

@@ -32,6 +32,7 @@ import numpy as np
 from .renders import default_pattern, Renders
 from ..core import ColorStereo, PatternSettings, Settings, Status
 from ..core.compiled import Arena
+from ..core.surface.choosing import UnknownPattern
 from ..core.surface.planes import PlaneField
 from ..core.surface.trust_kernels import EVIDENCE
 from ..pages.plots import STYLE
@@ -84,6 +85,8 @@ def recorded(scene):
     """
     stereo = ColorStereo(scene.calibration, Settings().updated(scene.settings))
     method, recorder = stereo._method, Recorder()
+    if isinstance(method, UnknownPattern):
+        method = method.suiting(scene.left, scene.right, None)
     method.measure(scene.left, scene.right, recorder)
     field = PlaneField(method.planes.grid, 0.0, True, Arena())
     seeds = field.seed(recorder.written['coarse']).d[field.grid.inner]

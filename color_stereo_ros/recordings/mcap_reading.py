@@ -160,9 +160,9 @@ def unpacked(file, chunk):
 
 def _decoder(name):
     """Return what unpacks a format of chunks."""
-    from lz4.frame import decompress
     from rosbags.rosbag2.reader import zstd
-    decoders = {'': bytes, 'lz4': decompress, 'zstd': zstd.decompress}
+    from rosbags.rosbag2.storage_mcap import lz4_decompress
+    decoders = {'': bytes, 'lz4': lz4_decompress, 'zstd': zstd.decompress}
     _check(name in decoders, f'its chunks are compressed as {name!r}')
     return decoders[name]
 

@@ -29,6 +29,7 @@ def surface_method(settings, calibration, limits, rectified_input=False, constan
     Parameters
     ----------
     settings : Settings
+        Of the core.
     calibration : StereoCalibration
         Of the two cameras.
     limits : (float, float)

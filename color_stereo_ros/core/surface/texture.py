@@ -291,6 +291,7 @@ def details_show(brightness, colors, tuning):
     brightness, colors : numpy.ndarray, float32, shape (N,)
         Detail of lit nodes, see `detail`; without colors 0.
     tuning : BrightnessTuning
+        Constants of this stage.
 
     """
     if not brightness.size:

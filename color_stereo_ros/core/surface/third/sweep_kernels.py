@@ -376,7 +376,7 @@ def sparse_misfits(k, left_u, left_v, left_var, light, unrest, scale, flat, size
 
     """
     m, c = numbers(sweep), numbers(colors)
-    own_u, own_v, noises = stack_row(), stack_row(), stack_row()
+    own_u, noises = stack_row(), stack_row()
     xs, ys, ds, red, blue, gray = (stack_row(), stack_row(), stack_row(), stack_row(), stack_row(),
                                    stack_row())
     color_u, color_v, slope_u, slope_v = stack_row(), stack_row(), stack_row(), stack_row()
