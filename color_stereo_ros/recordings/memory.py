@@ -14,6 +14,8 @@
 # limitations under the License.
 """Memory of images is kept from pair to pair, not returned to the system and fetched again."""
 
+import numpy as np
+
 LARGEST = (1 << 25) - (1 << 16)
 """Bytes, a little below the 32 MB above which glibc always asks the system."""
 
@@ -27,4 +29,4 @@ def keep_memory():
     MALLOC_TRIM_THRESHOLD_ is set, as for Dask's workers, that holds instead.
 
     """
-    bytearray(LARGEST)
+    np.empty(LARGEST, np.uint8)

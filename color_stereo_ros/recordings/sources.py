@@ -22,7 +22,6 @@ refused in one sentence that says what to do.
 
 import numpy as np
 
-from .mcap_reading import read_by_threads
 from .record_times import times_in
 from .types import new_typestore
 from ..errors import RecordingError
@@ -175,14 +174,6 @@ class Rosbag2(Bag):
         from rosbags.rosbag2 import Reader
         super().__init__(Reader(path))
         self._unpacked = self._take_over_unpacking()
-        for storage in self._storages:
-            if hasattr(storage, 'chunks'):
-                read_by_threads(storage)
-
-    @property
-    def _storages(self):
-        """Return the readers of the files."""
-        return getattr(self._reader.storage, 'storages', [self._reader.storage])
 
     def _take_over_unpacking(self):
         """Return the function that unpacks a message; within `rosbags` one failure ends all."""
@@ -203,7 +194,8 @@ class Rosbag2(Bag):
 
     def record_times(self, topic):
         """Return when the messages of a topic were recorded, int64 (n,), ns, where known."""
-        return np.concatenate([times_in(storage, topic) for storage in self._storages])
+        storages = getattr(self._reader.storage, 'storages', [self._reader.storage])
+        return np.concatenate([times_in(storage, topic) for storage in storages])
 
     @staticmethod
     def _damage(_):
