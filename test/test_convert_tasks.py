@@ -311,7 +311,7 @@ def test_a_scheduler_exports_the_same_files(tmp_path, cards, few):
 
 def test_the_memory_of_a_worker_does_not_grow_with_the_pairs(tmp_path, effort, figures,
                                                              monkeypatch):
-    count, settled = effort.count(400, 2000), 200
+    count, settled = effort.count(1000, 2000), 200  # fewer: one step of the heap is a slope
     pair = hue_pair(8)
     with write_recording(tmp_path / 'long') as writer:
         for index in range(count):
