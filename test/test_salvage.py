@@ -51,10 +51,25 @@ def sqlite(tmp_path_factory):
     return path
 
 
+class Joined:
+    """The storage of a writer, which then takes messages in parts."""
+
+    def __init__(self, storage):
+        self._storage = storage
+
+    def __getattr__(self, name):
+        return getattr(self._storage, name)
+
+    def write(self, connection, timestamp, parts):
+        """Append a message."""
+        self._storage.write(connection, timestamp, b''.join(parts))
+
+
 @contextmanager
 def sqlite_recording(path):
     """Write an SQLite recording."""
     with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        writer.storage = Joined(writer.storage)
         yield RecordingWriter(writer)
 
 

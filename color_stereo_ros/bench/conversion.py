@@ -41,6 +41,7 @@ from .scene import bench_calibration, bench_pair, bench_settings
 from ..core import ColorStereo
 from ..core.settings import flat, updated
 from ..parameters.groups import RangeNodeSettings
+from ..recordings.mcap_writing import DEFAULT_COMPRESSION
 from ..recordings.measuring import make_stereo, OutputWriter, PairSensor
 from ..recordings.memory import keep_memory
 from ..recordings.reading import Recording
@@ -143,7 +144,7 @@ def steps(folder, count, settings):
     keep_memory()
     used = dict.fromkeys(('pairing', 'reading', 'measuring', 'contents', 'writing'), 0.0)
     with Recording(folder / str(count)) as recording, \
-            open_writer(folder / 'steps', 'fast') as writer:
+            open_writer(folder / 'steps', DEFAULT_COMPRESSION) as writer:
         topics = recording.stereo_topics()
         with timed(used, 'pairing'):
             plan = plan_of(recording, topics, settings, print)

@@ -22,7 +22,7 @@ def add_arguments(parser):
     """Declare the arguments."""
     from ..messages.outputs import OUTPUTS
     from ..parameters.groups import RangeNodeSettings
-    from ..recordings.mcap_writing import COMPRESSIONS
+    from ..recordings.mcap_writing import COMPRESSIONS, DEFAULT_COMPRESSION
     from ..recordings.measuring import DEFAULT_TOPICS, VIEWS
     from .arguments import add_settings_arguments
     from .recorded import add_recording_arguments, add_work_arguments
@@ -32,7 +32,8 @@ def add_arguments(parser):
                         help=f'outputs of range_node to write, of {", ".join(OUTPUTS)} (default '
                         f'{" ".join(DEFAULT_TOPICS)}; {VIEWS} where the projector may be a third '
                         'view). projector/camera_info is written where the projector is found')
-    parser.add_argument('--compression', choices=COMPRESSIONS, default='fast', metavar='HOW',
+    parser.add_argument('--compression', choices=COMPRESSIONS, metavar='HOW',
+                        default=DEFAULT_COMPRESSION,
                         help=f'of the result: {" or ".join(COMPRESSIONS)}; small takes a tenth '
                         'more time, and a tenth to a fifth less disk (default %(default)s)')
     parser.add_argument('--overwrite', action='store_true',

@@ -247,7 +247,7 @@ class ColorStereo:
             seconds=clock.seconds, health=health, planar=getattr(self._method, 'planar', False))
 
     def _measure(self, left, right, alignment, projector, health, image, clock):
-        if not hasattr(self._method, 'match_aligned'):
+        if not getattr(self._method, 'aligns_rows', False):
             return self._method.measure(left, right, clock), None
         before = self.health if health is None else health
         known = self._alignment if alignment is None else alignment

@@ -21,6 +21,7 @@ from uuid import uuid4
 
 from .accounts import Tally, Teller
 from .engine import run_tasks
+from .mcap_writing import DEFAULT_COMPRESSION
 from .memory import keep_memory
 from .parts import Parts
 from .tasks import pairs_per_task, readable_plan, tasks_of
@@ -75,7 +76,7 @@ class Conversion:
     """
 
     def __init__(self, recording, result, topics, settings, outputs=None, namespace=None,
-                 work=Work(), compression='fast'):
+                 work=Work(), compression=DEFAULT_COMPRESSION):
         check_writable(result, work.overwrite)
         check_place(result)
         self._recording, self._result, self._topics = recording, Path(result), topics

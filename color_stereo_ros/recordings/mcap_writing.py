@@ -51,6 +51,8 @@ Of zstd. Ranges repeat nothing but unknown pixels. Long matches and a small tabl
 are faster than those of the levels. `small` codes the other bytes by their frequency, too, which
 takes most of the time that compressing takes. docs/scale.md compares.
 """
+DEFAULT_COMPRESSION = 'fast'
+"""Of `convert`, whose time is that of many pairs; what is written once is `small`."""
 CHECKSUM = {'checksum_flag': 1}
 """Lets readers notice damage: `rosbags` leaves out that of MCAP."""
 MESSAGE_KIND, CHUNK_KIND, INDEX_KIND = 0x05, 0x06, 0x07

@@ -94,7 +94,7 @@ def open_writer(path, compression='small'):
     writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
         writer.storage = ChunkWriter(writer.storage, compression)
-        yield RecordingWriter(writer, in_parts=True)
+        yield RecordingWriter(writer)
 
 
 class RecordingWriter:
@@ -104,14 +104,12 @@ class RecordingWriter:
     Parameters
     ----------
     writer : rosbags.rosbag2.Writer
-        Is open.
-    in_parts : bool
-        Its storage takes messages in parts, as ChunkWriter does.
+        Is open; its storage takes messages in parts, as ChunkWriter does.
 
     """
 
-    def __init__(self, writer, in_parts=False):
-        self._writer, self._in_parts = writer, in_parts
+    def __init__(self, writer):
+        self._writer = writer
         self._connections = {}
 
     def write(self, topic, type_name, time_ns, *parts, latched=False):
@@ -136,8 +134,7 @@ class RecordingWriter:
             self._connections[topic] = self._writer.add_connection(
                 topic, type_name, typestore=typestore(),
                 offered_qos_profiles=[_quality_of_service(latched)])
-        self._writer.write(self._connections[topic], time_ns,
-                           parts if self._in_parts else b''.join(parts))
+        self._writer.write(self._connections[topic], time_ns, parts)
 
     def write_content(self, topic, time_ns, content, *, latched=False):
         """

@@ -126,8 +126,7 @@ class ProjectorFinder:
             return Finding(None, Reason.BLIND, *counts)
         depth = float(np.median(evidence.points[:, 2]))
         rough, prior = self._roughly(evidence, depth, earlier)
-        reason = (Reason.ABSENT if rough is None
-                  else self._doubt(rough, evidence, matches, depth))
+        reason = self._doubt(rough, evidence, matches, depth)
         if reason is not None:
             return Finding(None, reason, *counts)
         where = sites(measured, TUNING.find.spacing)
@@ -162,6 +161,8 @@ class ProjectorFinder:
 
     def _doubt(self, rough, evidence, matches, depth):
         """Return why the fit of matches is not to be believed, None if it is."""
+        if rough is None:
+            return Reason.ABSENT
         tuning = TUNING.find
         agree = np.count_nonzero(rough.agree)
         if (agree < max(tuning.least_matches, tuning.least_share * len(evidence))

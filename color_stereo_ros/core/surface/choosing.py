@@ -68,6 +68,8 @@ class UnknownPattern:
 
     """
 
+    aligns_rows = True
+
     def __init__(self, aperiodic, other):
         """Keep the methods."""
         self.aperiodic, self.other = aperiodic, other
@@ -77,11 +79,6 @@ class UnknownPattern:
         """Measure one pair; see `SurfaceMethod.measure`."""
         method = self.suiting(left, right, alignment)
         return method.measure(left, right, clock, alignment, search, given)
-
-    def match_aligned(self, left, right, looks, alignment, search, clock):
-        """Match one pair; see `SurfaceMethod.match_aligned`."""
-        method = self.suiting(left, right, alignment)
-        return method.match_aligned(left, right, looks, alignment, search, clock)
 
     def curve(self, left, right, alignment, pixel):
         """Return the CostCurve of a pixel; see `SurfaceMethod.curve`."""

@@ -93,6 +93,9 @@ class SurfaceMethod:
 
     """
 
+    aligns_rows = True
+    """`measure` takes what is known of rows and projector, and returns what the pair shows."""
+
     def __init__(self, settings, calibration, limits, rectified_input=False, tuning=None,
                  expectation=None):
         """Build the maps and allocate the buffers of all steps, in the order of the pipeline."""
