@@ -16,11 +16,19 @@
 
 from types import SimpleNamespace
 
+from color_stereo_ros.core import PatternSettings, Settings
+from color_stereo_ros.core.compiled import Arena
+from color_stereo_ros.core.patterns.expectation import Expectation
+from color_stereo_ros.core.surface.brightness import BrightnessCarrier
+from color_stereo_ros.core.surface.coarse import Seeds
 from color_stereo_ros.core.surface.grid import HalfGrid
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD
+from color_stereo_ros.core.surface.planes import PlaneField
 from color_stereo_ros.core.surface.texture import (
     between_nodes, details_show, drop_small_surfaces, likeness, more_alike, TextureSearch)
-from color_stereo_ros.core.surface.tuning import TUNING
+from color_stereo_ros.core.surface.trust import Trust
+from color_stereo_ros.core.surface.trust_kernels import APART
+from color_stereo_ros.core.surface.tuning import detailed_tuning, tuning_for, TUNING
 
 import cv2
 
@@ -165,3 +173,51 @@ def test_views_of_one_scene_are_alike_and_those_of_two_are_not():
     assert search.search(views, True).alike_share > 0.8
     views.right.s = views.right.u = views.right.v = np.ascontiguousarray(views.right.s[::-1])
     assert search.search(views, True).alike_share < 0.1
+
+
+def planes_beside_seeds(likeness):
+    """Return planes without information, and a carrier whose seeds are .4 px beside them."""
+    grid, views = views_of(13)
+    views.grid = grid
+    planes = PlaneField(grid, 1.0, True, Arena())
+    for plane, value in ((planes.d, 13.4), (planes.a, 0.1), (planes.b, 0),
+                         (planes.variance, np.inf)):
+        plane[grid.inner] = value
+    carrier = BrightnessCarrier(views, TUNING, Arena())
+    found = np.full(grid.nodes, 6.5, F4)
+    carrier.rely_on(Seeds(found, 1, None, 0.0, likeness=np.full(grid.nodes, likeness, F4)), grid)
+    return planes, carrier
+
+
+@pytest.mark.parametrize('likeness, believed', [(0.9, True), (0.2, False), (np.nan, False)])
+def test_a_plane_without_information_is_as_good_as_its_seed_where_views_are_alike(
+        likeness, believed):
+    planes, carrier = planes_beside_seeds(likeness)
+    grid = planes.grid
+    carrier.settle_disputes(planes)
+    variance = planes.variance[grid.inner]
+    if believed:
+        np.testing.assert_allclose(variance, TUNING.brightness.uninformed_std ** 2)
+    else:
+        assert np.isinf(variance).all()
+    np.testing.assert_allclose(planes.d[grid.inner], 13.4, rtol=1e-6)
+
+
+def test_discord_takes_little_from_nodes_whose_surroundings_are_alike():
+    """All planes contradict their neighbors; the right half of the nodes is alike in both."""
+    grid, _ = views_of(13)
+    detailed = detailed_tuning(tuning_for(Expectation.of(PatternSettings(type='unknown')), 640))
+    trust = Trust(grid, np.array([0, 40], F4), Settings(), detailed, Arena())
+    planes = PlaneField(grid, 1.0, True, Arena())
+    planes.variance[grid.inner] = 0.01
+    trust.evidence[APART] = 2
+    before = np.tile(np.array([-1, 0.5, 1.5, 4], F4), (grid.rows, grid.columns // 4))
+    alike = np.zeros(grid.nodes, bool)
+    alike[:, grid.columns // 2:] = True
+    trust.log_odds[grid.inner] = before
+    trust.distrust_discord(planes, 0.45, alike)
+    found, least = trust.log_odds[grid.inner], detailed.trust.alike_odds
+    held = alike & (before >= least)
+    np.testing.assert_allclose(found[held], least)
+    np.testing.assert_allclose(found[~held], (before - detailed.trust.discord_odds)[~held],
+                               rtol=1e-5)

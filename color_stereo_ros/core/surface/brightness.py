@@ -52,6 +52,7 @@ class BrightnessCarrier:
         self.nothing = np.zeros((0, 0), F4)
         self.shares = [None, None]
         self.seed = arena.full(views.left.s.shape, np.nan, F4)
+        self.likeness = np.full(views.grid.nodes, np.nan, F4)
         self.window_nodes = (2 * tuning.planes.radius + 1) ** 2
         self.seed_weight = F4(0)
         self.seeded, self.active, self.scale = False, False, F4(1)
@@ -73,8 +74,9 @@ class BrightnessCarrier:
 
         Near depth edges a window sees two surfaces, and the brightness against the surroundings
         holds both; the search knows which one goes on. Where the search has seen the
-        repeated border of the right view, its seeds replace nothing. Writes d, a, b and variance
-        of planes.
+        repeated border of the right view, its seeds replace nothing. Where a window changes no
+        more than its noise, a plane is as good as the seed beside it, if the surroundings are
+        alike in both views. Writes d, a, b and variance of planes.
 
         """
         if not self.seeded:
@@ -89,6 +91,9 @@ class BrightnessCarrier:
         for plane, value in ((planes.a, 0), (planes.b, 0),
                              (planes.variance, tuning.disputed_std ** 2)):
             plane[inner][replaced] = F4(value)
+        uninformed = (self.likeness > F4(tuning.informed_likeness)) & np.isinf(
+            planes.variance[inner]) & (np.abs(seed - d) < F4(1))
+        planes.variance[inner][uninformed] = F4(tuning.uninformed_std ** 2)
 
     def light(self, view):
         """
@@ -164,6 +169,7 @@ class BrightnessCarrier:
 
         """
         self.seed[grid.inner] = F4(2) * found.disparity + F4(found.offset)
+        self.likeness = found.likeness
         self.seed_weight = F4(1 / ((std or self.tuning.seed_std) ** 2 * self.window_nodes))
         self.seeded = True
 

@@ -47,6 +47,8 @@ class Seeds:
     """float32 (h, w) of the coarse grid, log-odds of the right period; None: not in doubt."""
     alike_share: float = float('nan')
     """Share of the nodes whose surroundings are alike in both views; NaN: nobody has asked."""
+    likeness: np.ndarray = None
+    """float32 (h, w), how alike they are, -1 .. 1, NaN where there is no match; None: unknown."""
 
 
 class CoarseSearch:

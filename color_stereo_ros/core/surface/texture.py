@@ -92,7 +92,7 @@ class TextureSearch:
                                     for images in (plain, evened)), self.tuning)
         alike = likeness(plain, found, self.tuning.scene_window, 2)
         share = float(np.mean(alike > F4(self.tuning.alike)))
-        return Seeds(found * F4(0.5), 1, None, 0.0, alike_share=share)
+        return Seeds(found * F4(0.5), 1, None, 0.0, alike_share=share, likeness=alike)
 
     def narrowed(self, images):
         """

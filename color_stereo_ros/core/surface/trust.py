@@ -90,6 +90,7 @@ class Trust:
     def suit(self, tuning):
         """Judge by the constants of a Tuning from here on; those of the sizes stay."""
         self.tuning, self.repetition = tuning.trust, tuning.repetition
+        self.alike_likeness = tuning.brightness.alike
         self.form = np.array(self.tuning.form, F4)
         self.form[0, 0] += F4(self.tuning.odds_offset)
         self.robust_misfit = F4(tuning.planes.robust_misfit)
@@ -123,7 +124,8 @@ class Trust:
             self.log_odds[self.grid.inner] += confirmed
             self.distrust_unsteady()
         if self.tuning.discord_odds:
-            self.distrust_discord(planes, self.discord_distance(views))
+            alike = None if confirmed is None else self.alike(seeds, confirmed)
+            self.distrust_discord(planes, self.discord_distance(views), alike)
         if uneven is not None:
             self.temper(uneven)
         self.distrust_islands(views, planes, self.log_odds)
@@ -203,14 +205,26 @@ class Trust:
                 views.quantization, raw.quantizations, raw.discord_distances))
         return distance
 
-    def distrust_discord(self, planes, distance):
+    def alike(self, seeds, confirmed):
+        """Return the nodes that a search confirms, in surroundings that are alike, bool."""
+        return (seeds.likeness > F4(self.alike_likeness)) & (confirmed > F4(0))
+
+    def distrust_discord(self, planes, distance, alike=None):
         """
         Trust nodes less where most planes around them contradict their neighbors.
 
-        distance: root of the distance from which they do, px^.5.
-
         Noise, or two images of different things, match by chance here and there. A single such
         node looks as good as a true one; its surroundings do not.
+
+        Parameters
+        ----------
+        planes : PlaneField
+            The planes of the nodes so far.
+        distance : float
+            Root of the distance from which they do, px^.5.
+        alike : numpy.ndarray, bool, shape (rows, columns), optional
+            Nodes whose large surroundings are alike in both views, which is no chance: where
+            they fit well, they keep log-odds of `trust.alike_odds`.
 
         """
         tuning, inner = self.tuning, self.grid.inner
@@ -227,8 +241,11 @@ class Trust:
         excess = np.maximum(share - most, F4(0))
         if excess.any():
             loss = -float(F4(tuning.discord_odds) / (F4(1) - most))
-            cv2.scaleAdd(self.at_all_nodes(excess), loss, self.log_odds[inner],
-                         dst=self.log_odds[inner])
+            odds, kept = self.log_odds[inner], F4(tuning.alike_odds)
+            held = None if alike is None else alike & (odds >= kept)
+            cv2.scaleAdd(self.at_all_nodes(excess), loss, odds, dst=odds)
+            if held is not None:
+                np.maximum(odds, kept, out=odds, where=held)
 
     def distrust_islands(self, views, planes, log_odds):
         """

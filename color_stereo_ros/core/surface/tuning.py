@@ -958,9 +958,9 @@ class BrightnessTuning(Constants):
         0.7, '1', 'How alike windows are that show the same surface.',
         unexplained('As `least_alike_alone`.'))
     agreeing_share: float = constant(
-        0.3, '1', 'Share of nodes with such windows from which both views show one scene, '
+        0.15, '1', 'Share of nodes with such windows from which both views show one scene, '
         'whatever their rows say.',
-        chosen('Photographs .38 to .97; right views of other scenes 0 to .04, of another pattern '
+        chosen('Photographs .18 to .97; right views of other scenes 0 to .04, of another pattern '
                'on the same one .13. Sines on a teapot: right 0 -> .55, codes on teeth .23 -> '
                '.61.'), off=math.inf)
     penalties: tuple = constant(
@@ -1026,6 +1026,15 @@ class BrightnessTuning(Constants):
     disputed_std: float = constant(
         0.25, 'px', 'Standard deviation of seeds that replace planes.',
         unexplained('Found in whole px, with a fit between them.'))
+    informed_likeness: float = constant(
+        0.5, '1', 'How alike windows are where a plane is believed that has no information.',
+        chosen('Photographs under slow colors, planes beside their seeds: above it .66 to .97 are '
+               'right; below .3 on bare metal none.'), off=math.inf)
+    uninformed_std: float = constant(
+        0.5, 'px', 'Standard deviation of such planes.',
+        chosen('Plaster under a sweep, without the likeness: right .639, wrong above confidence '
+               '.9 .89 %; .25: .653, 2.95 %. Simulated cameras are as noisy as their model, and '
+               'have no such planes.'))
     least_detail: float = constant(
         0.3, '1', 'Detail of a node below which it tells nothing, see `texture.detail`.',
         chosen('Bare surfaces under slow colors: .1; weak print: .9 (medians).'))
@@ -1215,6 +1224,10 @@ class TrustTuning(Constants):
     discord_odds: float = constant(
         20.0, '1', 'Log-odds that nodes lose where all around contradict; 0: not asked.',
         chosen('More than any node has (9662ae5).'))
+    alike_odds: float = constant(
+        1.0, '1', 'Log-odds that nodes keep there whose surroundings are alike in both views.',
+        chosen('Of these nodes, photographs of a teapot under six patterns, .6 to .9 are right.'),
+        off=math.inf)
     discord_step: int = constant(
         2, 'nodes', 'Distance of the nodes that are asked.',
         chosen('A share needs no more (51e9ae3). 4: as a min_confidence .03 higher.'))
