@@ -18,6 +18,7 @@ from types import SimpleNamespace
 
 from color_stereo_ros.core import PatternSettings, Settings
 from color_stereo_ros.core.compiled import Arena
+from color_stereo_ros.core.constants import replaced
 from color_stereo_ros.core.patterns.expectation import Expectation
 from color_stereo_ros.core.surface.brightness import BrightnessCarrier
 from color_stereo_ros.core.surface.coarse import Seeds
@@ -130,19 +131,36 @@ def test_between_two_nodes_lies_their_mean():
     np.testing.assert_array_equal(between_nodes(image), [expected])
 
 
-def test_the_plain_search_replaces_matches_only_where_it_is_better_overall():
-    """Pieces of a worse search win by chance; a lone match must be alike."""
+def flat_pair():
+    """Return images of random texture at 6 px, and disparities of half of their columns."""
     rng = np.random.default_rng(3)
     right = rng.integers(20, 200, (40, 120, 3)).astype(np.uint8)
-    left = np.roll(right, 6, axis=1)
-    true, wrong = np.full((40, 60), 6, np.float32), np.full((40, 60), 11, np.float32)
-    images, tuning = (left, right), TUNING.brightness
-    inner = np.s_[4:-4, 10:-10]
-    assert (more_alike(images, true, wrong, tuning)[inner] == 6).all()
-    assert (more_alike(images, wrong, true, tuning)[inner] == 6).all()
-    unknown = np.full_like(true, np.nan)
-    assert (more_alike(images, true, unknown, tuning)[inner] == 6).all()
-    assert np.isnan(more_alike(images, wrong, unknown, tuning)[inner]).all()
+    disparities = (np.full((40, 60), value, np.float32) for value in (6, 11, np.nan))
+    return (np.roll(right, 6, axis=1), right), *disparities
+
+
+INSIDE = np.s_[8:-8, 16:-16]
+
+
+def test_the_more_alike_match_counts_where_one_search_is_better_overall():
+    """What the worse search has alone counts there, too."""
+    images, true, wrong, unknown = flat_pair()
+    for pair in (true, wrong), (wrong, true), (true, unknown):
+        found, alike = more_alike(images, *pair, TUNING.brightness)
+        assert (found[INSIDE] == 6).all() and (alike[INSIDE] > 0.99).all()
+    half = true.copy()
+    half[:, 30:] = np.nan
+    found, _ = more_alike(images, wrong, half, TUNING.brightness)
+    assert (found[:, 16:28] == 6).all() and (found[INSIDE][:, 20:] == 11).all()
+
+
+def test_the_evened_search_counts_where_none_is_better_overall():
+    """Pieces of a search that is no better win by chance; a lone match must be alike."""
+    images, true, wrong, unknown = flat_pair()
+    tuning = replaced(TUNING, {'brightness.least_better': 2.0}).brightness
+    assert (more_alike(images, true, wrong, tuning)[0][INSIDE] == 11).all()
+    assert (more_alike(images, true, unknown, tuning)[0][INSIDE] == 6).all()
+    assert np.isnan(more_alike(images, wrong, unknown, tuning)[0][INSIDE]).all()
 
 
 def test_detail_shows_where_half_of_the_nodes_have_it():
@@ -175,32 +193,42 @@ def test_views_of_one_scene_are_alike_and_those_of_two_are_not():
     assert search.search(views, True).alike_share < 0.1
 
 
-def planes_beside_seeds(likeness):
-    """Return planes without information, and a carrier whose seeds are .4 px beside them."""
+def planes_beside_seeds(likeness, plane=13.4, seed=13):
+    """Return planes without information, a carrier whose seeds are beside them, and the search."""
     grid, views = views_of(13)
     views.grid = grid
     planes = PlaneField(grid, 1.0, True, Arena())
-    for plane, value in ((planes.d, 13.4), (planes.a, 0.1), (planes.b, 0),
+    for array, value in ((planes.d, plane), (planes.a, 0.1), (planes.b, 0),
                          (planes.variance, np.inf)):
-        plane[grid.inner] = value
+        array[grid.inner] = value
     carrier = BrightnessCarrier(views, TUNING, Arena())
-    found = np.full(grid.nodes, 6.5, F4)
+    found = np.full(grid.nodes, seed / 2, F4)
     carrier.rely_on(Seeds(found, 1, None, 0.0, likeness=np.full(grid.nodes, likeness, F4)), grid)
-    return planes, carrier
+    search = TextureSearch(grid, (-10, 20), TUNING)
+    search.search(views, True)
+    return planes, carrier, search
 
 
 @pytest.mark.parametrize('likeness, believed', [(0.9, True), (0.2, False), (np.nan, False)])
 def test_a_plane_without_information_is_as_good_as_its_seed_where_views_are_alike(
         likeness, believed):
-    planes, carrier = planes_beside_seeds(likeness)
+    planes, carrier, search = planes_beside_seeds(likeness)
     grid = planes.grid
-    carrier.settle_disputes(planes)
+    carrier.settle_disputes(planes, search)
     variance = planes.variance[grid.inner]
     if believed:
         np.testing.assert_allclose(variance, TUNING.brightness.uninformed_std ** 2)
     else:
         assert np.isinf(variance).all()
     np.testing.assert_allclose(planes.d[grid.inner], 13.4, rtol=1e-6)
+
+
+@pytest.mark.parametrize('plane, seed', [(16, 13), (13, 16)])
+def test_a_seed_replaces_a_plane_only_where_it_fits_better(plane, seed):
+    planes, carrier, search = planes_beside_seeds(0.9, plane, seed)
+    carrier.settle_disputes(planes, search)
+    middle = planes.d[planes.grid.inner][5:-5, 15:-15]
+    assert np.mean(np.abs(middle - 13) < 0.01) > 0.99
 
 
 def test_discord_takes_little_from_nodes_whose_surroundings_are_alike():

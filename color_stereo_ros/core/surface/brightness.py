@@ -68,15 +68,22 @@ class BrightnessCarrier:
         inner, odds = planes.grid.inner, F4(self.tuning.agreement_odds)
         return np.where(np.abs(self.seed[inner] - planes.d[inner]) < F4(1), odds, -odds)
 
-    def settle_disputes(self, planes):
+    def settle_disputes(self, planes, search):
         """
-        Let seeds take the place of planes that are far from them.
+        Let seeds take the place of planes that are far from them and fit worse.
 
         Near depth edges a window sees two surfaces, and the brightness against the surroundings
-        holds both; the search knows which one goes on. Where the search has seen the
-        repeated border of the right view, its seeds replace nothing. Where a window changes no
-        more than its noise, a plane is as good as the seed beside it, if the surroundings are
-        alike in both views. Writes d, a, b and variance of planes.
+        holds both; the search knows which one goes on. Elsewhere planes are right more often:
+        small windows of both views tell. Where the search has seen the repeated border of the
+        right view, its seeds replace nothing. Where a window changes no more than its noise, a
+        plane is as good as the seed beside it, if the surroundings are alike in both views.
+
+        Parameters
+        ----------
+        planes : PlaneField
+            Their d, a, b and variance are written.
+        search : TextureSearch
+            Has found the seeds.
 
         """
         if not self.seeded:
@@ -86,7 +93,8 @@ class BrightnessCarrier:
         place = F4(2) * np.arange(planes.grid.columns, dtype=F4) - seed
         border = F4(tuning.disputed_border)
         inside = (place >= border) & (place < F4(planes.grid.width - 1) - border)
-        replaced = inside & ~(np.abs(seed - d) < F4(tuning.disputed_distance))
+        far = inside & ~(np.abs(seed - d) < F4(tuning.disputed_distance))
+        replaced = far & search.closer(seed, d)
         np.copyto(d, seed, where=replaced)
         for plane, value in ((planes.a, 0), (planes.b, 0),
                              (planes.variance, tuning.disputed_std ** 2)):

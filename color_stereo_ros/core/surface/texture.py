@@ -50,6 +50,7 @@ class TextureSearch:
         self.first = math.floor(max(limits[0], 1 - self.columns))
         last = math.ceil(min(limits[1], self.columns - 1))
         self.count = self.taken(last - self.first + 1)
+        self.searched = None
 
     def taken(self, count):
         """Return the number of disparities that OpenCV's matchers take in place of a count."""
@@ -88,11 +89,24 @@ class TextureSearch:
         if count > self.tuning.many_disparities:
             first, count = self.narrowed(evened)
         matcher = self.matcher(channels, count)
-        found = more_alike(plain, *(matched(matcher, images, first, count)[:, ::2]
-                                    for images in (plain, evened)), self.tuning)
-        alike = likeness(plain, found, self.tuning.scene_window, 2)
+        found, alike = more_alike(plain, *(matched(matcher, images, first, count)[:, ::2]
+                                           for images in (plain, evened)), self.tuning)
         share = float(np.mean(alike > F4(self.tuning.alike)))
+        self.searched = plain
         return Seeds(found * F4(0.5), 1, None, 0.0, alike_share=share, likeness=alike)
+
+    def closer(self, one, other):
+        """
+        Return where one disparity of the nodes fits better than another, bool (rows, columns).
+
+        Small windows of the pair that was searched last are compared.
+
+        one, other: float32 (rows, columns), px; an unknown one fits as what has nothing in common.
+
+        """
+        first, second = (np.nan_to_num(likeness(
+            self.searched, each, self.tuning.disputed_window, 2)) for each in (one, other))
+        return first > second
 
     def narrowed(self, images):
         """
@@ -169,11 +183,11 @@ def matched(matcher, images, first, count):
 
 def more_alike(images, plain, evened, tuning):
     """
-    Return the disparities of two searches of a pair as one, float32 (h, w / 2).
+    Return the disparities of two searches of a pair as one, and how alike their windows are.
 
-    Where both have a match, the one counts whose windows are more alike if the plain search finds
-    clearly more of what is alike in the whole pair, and the evened one otherwise: pieces of a
-    worse search win by chance. A match that the plain search has alone must be alike.
+    Where one search finds clearly more of what is alike in the whole pair, the match of each node
+    counts whose windows are more alike. Otherwise that of the evened search does: pieces of a
+    search that is no better win by chance. What the plain one has alone must then be alike.
 
     Parameters
     ----------
@@ -184,12 +198,19 @@ def more_alike(images, plain, evened, tuning):
     tuning : BrightnessTuning
         Window of the comparison, and how clear a difference must be.
 
+    Returns
+    -------
+    found, likeness : numpy.ndarray, float32, shape (h, w / 2)
+
     """
     first, second = (likeness(images, each, tuning.compared_window, 2) for each in (plain, evened))
     better = np.mean(np.nan_to_num(first)) - np.mean(np.nan_to_num(second))
-    chosen = first > second if better > tuning.least_better else np.zeros(first.shape, bool)
-    lone = np.isnan(second) & (first > F4(tuning.least_alike_alone))
-    return np.where(chosen | lone, plain, evened)
+    lone = np.isnan(second)
+    if abs(better) > tuning.least_better:
+        chosen = lone | (first > second)
+    else:
+        chosen = lone & (first > F4(tuning.least_alike_alone))
+    return np.where(chosen, plain, evened), np.where(chosen, first, second)
 
 
 def likeness(images, disparity, window, step=1):
