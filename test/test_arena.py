@@ -14,7 +14,10 @@
 # limitations under the License.
 """Buffers beside each other in one block."""
 
-from color_stereo_ros.core.compiled.arena import ALIGNMENT, Arena, BLOCK
+import mmap
+from pathlib import Path
+
+from color_stereo_ros.core.compiled.arena import ALIGNMENT, Arena, BLOCK, HUGE, memory
 import numpy as np
 import pytest
 
@@ -50,3 +53,15 @@ def test_a_copy_is_independent():
     copy = Arena().copy(source)
     source[0, 0] = 9
     assert copy.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+def test_what_is_not_used_takes_no_memory():
+    def resident():
+        return int(Path('/proc/self/statm').read_text().split()[1]) * mmap.PAGESIZE
+    before = resident()
+    block = memory(8 * BLOCK)
+    assert block.ctypes.data % HUGE == 0
+    block[:BLOCK] = 1
+    assert BLOCK <= resident() - before < 2 * BLOCK
+    del block
+    assert resident() - before < BLOCK

@@ -23,11 +23,11 @@ import sys
 
 import color_stereo_ros
 from color_stereo_ros.bench.report import (
-    goal_rows, goal_table, GOALS, NODE_RUNS, node_table, part_table, plain, stage_table,
-    start_table, TABLES, with_tables)
+    goal_rows, goal_table, GOALS, NODE_RUNS, node_table, pair_table, part_table, plain,
+    stage_table, start_table, TABLES, with_tables)
 from color_stereo_ros.bench.scene import bench_calibration, bench_pair, bench_settings
 from color_stereo_ros.bench.times import (
-    all_contenders, Contender, interleaved, summary, thread_counts)
+    all_contenders, Contender, interleaved, pair_contenders, summary, thread_counts)
 from color_stereo_ros.cli import main as cli
 from color_stereo_ros.core import ColorStereo, Status
 from color_stereo_ros.core.triangulation import disparity_limits, search_interval
@@ -52,6 +52,8 @@ def figures():
     found = {'date': '2026-11-22', 'machine': {'cores': '2'}, 'rounds': 3, 'times': times,
              **{run: {'topic': 'points', 'ready': 1.0, 'first': 3.5, 'peak_mb': 250.0,
                       'rates': rates} for run in NODE_RUNS},
+             'pair': {item.name: {'cpu': 0.0242, 'median': 0.025, 'least': 0.021}
+                      for item in pair_contenders()},
              'starts': [{'ready': 1.0, 'first': first, 'peak_mb': 240.0, 'rates': []}
                         for first in (1.2, 3.9, 1.4)],
              'node_cold': {'ready': 39.0, 'first': 40.0, 'peak_mb': 300.0, 'rates': []}}
@@ -123,6 +125,8 @@ def test_tables_name_figure_goal_and_verdict():
     assert row in node_table(figures())
     assert '| `depth/image`, 60 Hz | 33.00 | 2.50 | 17.5 |' in part_table(figures())
     assert '| cold | 39.0 | 40.0 | 300 |' in start_table(figures())
+    name = 'third view 640 x 480, 128 disparities, 1 thread'
+    assert f'| {name} | 24.2 | 25.0 | 21.0 |' in pair_table(figures())
     assert 'kernel cache cold' in plain(figures())
 
 
@@ -154,8 +158,8 @@ def test_thread_counts_begin_with_one_and_end_with_all_cores():
 
 
 def test_the_median_of_all_rounds_counts():
-    answers = [{'seconds': s, 'stages': {'colors': s / 2}} for s in (5.0, 1.0, 2.0)]
-    assert summary(answers) == {'median': 2.0, 'least': 1.0, 'stages': {'colors': 1.0}}
+    answers = [{'seconds': s, 'cpu': 2 * s, 'stages': {'colors': s / 2}} for s in (5.0, 1.0, 2.0)]
+    assert summary(answers) == {'median': 2.0, 'least': 1.0, 'cpu': 4.0, 'stages': {'colors': 1.0}}
 
 
 @pytest.mark.processes

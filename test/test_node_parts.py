@@ -28,6 +28,7 @@ from xml.etree import ElementTree
 
 from color_stereo_ros.core import account, Alignment, RecordingError, Settings, trackers
 from color_stereo_ros.core.doubts import Doubts
+from color_stereo_ros.core.projector import Track
 from color_stereo_ros.core.settings import flat
 from color_stereo_ros.files.cloud import save_cloud
 from color_stereo_ros.messages.calibration_watch import CalibrationWatch
@@ -363,6 +364,15 @@ def test_the_features_of_the_pattern_are_made_before_the_first_pair(
     Worker(Setup(None, settings), print, print, Log(), print).configure(Setup(rig, settings))
     assert done.wait(10.0 if made else 0.0) == made
     assert [pattern for pattern, _ in asked] == [core.pattern] * made
+
+
+@pytest.mark.parametrize('known', [Track(), Track.known(None)])
+def test_a_pair_from_before_the_projector_was_found_starts_no_search(known, monkeypatch):
+    searched = threading.Event()
+    monkeypatch.setattr(projector_search, '_search', lambda *_: searched.set())
+    search = projector_search.ProjectorSearch()
+    search.look(SimpleNamespace(projector=known), SimpleNamespace(projector=Track()))
+    assert searched.wait(10.0 if known.due else 0.1) == known.due
 
 
 def test_a_first_search_waits_for_the_features_that_another_thread_makes(monkeypatch):

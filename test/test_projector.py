@@ -18,13 +18,15 @@ from dataclasses import replace
 
 from color_stereo_ros.core import make_pattern, PatternSettings
 from color_stereo_ros.core.projector import (
-    finding, ProjectorFinder, ProjectorModel, ProjectorTracker, Reason, Track)
+    features, finding, ProjectorFinder, ProjectorModel, ProjectorTracker, Reason, Track)
 from color_stereo_ros.core.projector.adjustment import (
     adjust, Evidence, lens_of, moved, predicted, to_unknowns, usual_prior, whitened)
+from color_stereo_ros.core.projector.blurring import bands
 from color_stereo_ros.core.projector.patch_kernels import DARK, HALF, place_patches, SETTLED
 from color_stereo_ros.core.projector.patches import chromatic
 from color_stereo_ros.core.projector.starting import decomposed, linear, posed, projection
 from color_stereo_ros.core.projector.tracking import updated
+from color_stereo_ros.core.projector.tuning import TUNING
 import cv2
 import naive
 import numpy as np
@@ -471,3 +473,40 @@ def test_a_model_holds_its_own_arrays():
     model = ProjectorModel(matrix, 0.0, np.eye(3), np.zeros(3), (8, 8), np.zeros((12, 12)))
     matrix[0, 0] = 5
     assert model.camera_matrix[0, 0] == 1
+
+
+def test_the_nearest_are_the_same_however_many_are_compared_at_once():
+    rng = np.random.default_rng(3)
+    other = rng.integers(0, 256, (300, 128)).astype(np.float32)
+    one = np.concatenate([other[::3] + rng.integers(-9, 10, (100, 128)), 255 - other]).astype(
+        np.float32)
+    rows, best = features.nearest(one, other)
+    squares = np.sum((one[:, None].astype(np.float64) - other) ** 2, axis=2)
+    first, second = np.sort(squares, axis=1)[:, :2].T
+    good = first < TUNING.matching.ratio ** 2 * second
+    assert len(one) > 2 * 100 and good[:100].all()
+    np.testing.assert_array_equal(rows, np.flatnonzero(good))
+    np.testing.assert_array_equal(best, np.argmin(squares, axis=1)[good])
+
+
+def test_features_are_those_of_the_whole_image_but_at_seams():
+    small = make_pattern(PatternSettings(width=700, height=400))
+    gray = features.chromaticities(small)[0]
+    places, _ = features._described(gray, None, 1.0)
+    points = cv2.SIFT_create(contrastThreshold=TUNING.matching.contrast).detect(gray)
+    whole = np.array([point.pt for point in points])
+    apart = np.abs(places[:, None] - whole).max(axis=2).min(axis=1)
+    assert abs(len(places) - len(whole)) < 0.01 * len(whole) and np.mean(apart < 0.05) > 0.99
+    fewer, _ = features._described(gray, None, 1.0, 50)
+    assert len(fewer) == 50 and {tuple(place) for place in fewer} <= {
+        tuple(place) for place in places}
+
+
+@pytest.mark.parametrize('sigma, unit', [(0.5, 1), (3.0, 7), (40.0, 1)])
+def test_an_image_is_blurred_in_bands_as_at_once(pattern, sigma, unit):
+    image = pattern.astype(np.float32)
+    parts = []
+    for band in bands(len(image), sigma, unit):
+        assert band.rows.start % unit == 0
+        parts.append(cv2.GaussianBlur(image[band.wide], (0, 0), sigma)[band.inner])
+    np.testing.assert_array_equal(np.concatenate(parts), cv2.GaussianBlur(image, (0, 0), sigma))

@@ -18,7 +18,7 @@ from dataclasses import fields
 from itertools import chain, combinations, islice
 
 from color_stereo_ros.core import ColorStereo, ColorStereoError, Settings
-from color_stereo_ros.core.compiled import told_of_compiling
+from color_stereo_ros.core.compiled import decorators, told_of_compiling
 from color_stereo_ros.core.compiled.decorators import Kernel
 from color_stereo_ros.core.methods import METHODS
 from color_stereo_ros.core.settings.fields import flat
@@ -131,3 +131,11 @@ def test_who_asks_is_told_of_compiling_once():
         function(1.0)
     function(True)
     assert told == ['compiling']
+
+
+def test_kernels_keep_no_code_that_only_other_functions_would_need():
+    ColorStereo(CALIBRATION, Settings())
+    libraries = [compiled.library for kernel in decorators._WAY.kernels
+                 for made in kernel._made.values() for compiled in made.overloads.values()]
+    assert len(libraries) > 50
+    assert all(library._shared_module is None for library in libraries)

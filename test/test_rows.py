@@ -544,6 +544,13 @@ def test_the_node_searches_where_the_views_do_not_agree(changes, searched):
     assert (stereo.alignment is stereo.found) == searched
 
 
+def test_the_node_does_not_search_again_for_a_pair_that_came_before_the_find():
+    stereo = Stereo(Alignment.unknown(SIZE).but(agreeing=True))
+    rows, image = RowSearch(), np.zeros((2, 2, 3), np.uint8)
+    rows.look(stereo, image, image, Result(Alignment.unknown(SIZE)))
+    assert not rows.busy and stereo.alignment is not stereo.found
+
+
 def test_a_sensor_that_leaves_the_search_to_others_takes_what_they_find():
     stereo = ColorStereo(rig(*LARGE), surface_settings(*LIMITS), search_at_once=False)
     images = [pair((12.0,), seed, LARGE) for seed in (1, 2)]

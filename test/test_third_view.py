@@ -113,6 +113,8 @@ def test_a_straightened_pattern_shows_at_an_ideal_place_what_lights_it():
     there = model.camera_matrix @ [*(rays[:2] * (1 + 0.05 * square)), 1.0]
     # OpenCV places to 1/32 px, and its cubic is off by as much on a ramp
     np.testing.assert_allclose(flat[300, 400, :2], there[:2], atol=0.06)
+    for rows in (slice(0, 3), slice(100, 110), slice(380, 384)):
+        np.testing.assert_array_equal(straightened(ramp, model, rows), flat[rows])
 
 
 def test_the_third_view_measures_what_the_right_camera_does_not_see():

@@ -17,8 +17,9 @@ A process that takes times when asked: `python -m color_stereo_ros.bench.child J
 
 Threads and processor features are chosen when a process starts. So each choice is a process of
 its own, and the parent asks the processes in turn. A line with the index of a contender comes in,
-a line of JSON with `seconds` and `stages` goes out. The first line that goes out, `first`, says
-how long it took from `started` (s of time.monotonic) to the first result of the first contender.
+a line of JSON with `seconds`, `cpu` and `stages` goes out. The first line that goes out, `first`,
+says how long it took from `started` (s of time.monotonic) to the first result of the first
+contender.
 
 """
 
@@ -42,9 +43,10 @@ def main():
             take()
     for line in sys.stdin:
         take = contenders[int(line)]
-        start = time.perf_counter()
+        start, busy = time.perf_counter(), time.process_time()
         stages = take()
-        print(json.dumps({'seconds': time.perf_counter() - start, 'stages': stages}), flush=True)
+        print(json.dumps({'seconds': time.perf_counter() - start,
+                          'cpu': time.process_time() - busy, 'stages': stages}), flush=True)
 
 
 def contender(kind, folder, disparities, threads):

@@ -80,6 +80,13 @@ def all_contenders():
     return [*found, Contender('surface', place='AVX2')]
 
 
+def pair_contenders():
+    """Return what takes the processor time of a pair apart: views and threads; a reference."""
+    places = [f'{count} thread{"s" if count > 1 else ""}' for count in thread_counts()]
+    return [*(Contender(kind, place=place) for kind in ('surface', 'third view')
+              for place in places), Contender('bm', place=places[0])]
+
+
 class Child:
     """
     A process that takes times (see `child`).
@@ -121,7 +128,7 @@ class Child:
         return self.first
 
     def take(self, index):
-        """Return a dict with the `seconds` of one call and its `stages`."""
+        """Return a dict with the `seconds` of one call, its `cpu` time and its `stages`."""
         self._process.stdin.write(f'{index}\n')
         self._process.stdin.flush()
         return self._answer()
@@ -162,7 +169,7 @@ def interleaved(contenders, rounds, folder, progress=iter):
     Returns
     -------
     times : dict
-        Contender to {'median', 'least' (s), 'stages' (name to median, s)}.
+        Contender to {'median', 'least', 'cpu' (s), 'stages' (name to median, s)}.
 
     """
     pairs = {size: save_pair(folder, size) for size in {item.size for item in contenders}}
@@ -195,9 +202,10 @@ def _surroundings(place, folder):
 
 
 def summary(answers):
-    """Return median and least of the seconds of some answers, and the medians of the stages."""
+    """Return median and least of the seconds of some answers, other values' medians."""
     seconds = [answer['seconds'] for answer in answers]
     return {'median': float(np.median(seconds)), 'least': min(seconds),
+            'cpu': float(np.median([answer['cpu'] for answer in answers])),
             'stages': {stage: float(np.median([answer['stages'][stage] for answer in answers]))
                        for stage in answers[0]['stages']}}
 

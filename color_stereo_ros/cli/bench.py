@@ -127,11 +127,14 @@ def _node(args, folder):
     """Return what range_node does through real DDS."""
     from ..bench.node import measured as node_measured
     from ..bench.scene import VGA
-    from ..bench.times import save_pair
+    from ..bench.times import interleaved, pair_contenders, save_pair
     pair = save_pair(Path(folder) / 'node', VGA)
+    print('the processor time of a pair', flush=True)
+    alone = interleaved(pair_contenders(), args.rounds, Path(folder) / 'pair')
     print('range_node through DDS', flush=True)
     node_measured(pair, [], 0.0)  # the kernels that only the node needs get warm
-    found = {'starts': [node_measured(pair, [], 0.0) for _ in range(STARTS)],
+    found = {'pair': {item.name: times for item, times in alone.items()},
+             'starts': [node_measured(pair, [], 0.0) for _ in range(STARTS)],
              'node': node_measured(pair, RATES, args.seconds),
              'node_depth': node_measured(pair, RATES, args.seconds, topic='depth/image'),
              'node_third': node_measured(pair, RATES, args.seconds, topic='depth/image',

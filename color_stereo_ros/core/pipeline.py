@@ -27,7 +27,7 @@ from .cameras.covariance import StereoCovariance
 from .cameras.geometry import RectifiedPair
 from .cameras.rectification import Rectifier
 from .color_calibration import check_color, ColorCorrection, PEDESTAL, SATURATION_LEVEL
-from .compiled import refuse_after_fork
+from .compiled import forget_bitcode, refuse_after_fork
 from .curves import CostCurve
 from .health.drift import corrected
 from .health.health import Health
@@ -103,6 +103,7 @@ class ColorStereo:
         black = np.zeros((calibration.geometry.height, calibration.geometry.width, 3), np.uint8)
         self.process(black, black)
         self._alignment = self._projector = self._health = None
+        forget_bitcode()
 
     def _measure_as(self, applied):
         """Make maps and method for cameras that have moved by a drift, float64 (6,)."""

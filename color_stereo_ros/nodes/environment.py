@@ -90,8 +90,11 @@ def fast_dds_is_known(maps='/proc/self/maps'):
 
 
 def prepare():
-    """Set what the user has not set; call it before the first context of rclpy."""
+    """Set what the user has not set; call it before the first context of rclpy and NumPy."""
     keep_freed_memory()
+    # NumPy marks the places of large arrays: where small ones come later, each touched page would
+    # be one of 2 MB
+    os.environ.setdefault('NUMPY_MADVISE_HUGEPAGE', '0')
     from rclpy.utilities import get_rmw_implementation_identifier
     middleware = get_rmw_implementation_identifier()  # loads it
     os.environ.update(defaults(os.environ, middleware, fast_dds_is_known()))

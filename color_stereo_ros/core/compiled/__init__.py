@@ -22,6 +22,7 @@ A kernel is a compiled loop that Python calls. Modules of kernels import from he
 - `part` is for a function that only kernels call.
 - `stack_array`, `stack_row`, `stack_integers` give a kernel small arrays on its stack.
 - `Arena` gives out buffers beside each other.
+- `forget_bitcode` frees what nobody needs of kernels that are loaded.
 - `told_of_compiling` and `is_cached` say whether kernels are compiled, and whether for good.
 - `one_thread` leaves the other cores to other processes.
 - `refuse_after_fork` keeps a forked process from hanging.
@@ -50,11 +51,11 @@ from .arena import Arena
 from .caching import is_cached
 from .compiling import told_of_compiling
 from .decorators import (
-    band, banded, BANDS, get_num_threads, LENGTH, parallel, part, prange, serial, stack_array,
-    stack_integers, stack_row)
+    band, banded, BANDS, forget_bitcode, get_num_threads, LENGTH, parallel, part, prange, serial,
+    stack_array, stack_integers, stack_row)
 from .forks import refuse_after_fork
 
 __all__ = [
-    'Arena', 'BANDS', 'LENGTH', 'band', 'banded', 'get_num_threads', 'parallel', 'part', 'prange',
-    'is_cached', 'one_thread', 'refuse_after_fork', 'serial', 'stack_array', 'stack_integers',
-    'stack_row', 'told_of_compiling']
+    'Arena', 'BANDS', 'LENGTH', 'band', 'banded', 'forget_bitcode', 'get_num_threads', 'parallel',
+    'part', 'prange', 'is_cached', 'one_thread', 'refuse_after_fork', 'serial', 'stack_array',
+    'stack_integers', 'stack_row', 'told_of_compiling']

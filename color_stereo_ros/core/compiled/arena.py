@@ -15,10 +15,12 @@
 """Buffers beside each other in large blocks of memory."""
 
 import math
+import mmap
 
 import numpy as np
 
 BLOCK = 1 << 24  # bytes
+HUGE = 1 << 21   # bytes of a huge page of Linux
 ALIGNMENT = 64   # bytes: a cache line
 STAGGER = 320    # bytes between arrays: at a distance of whole pages they would share cache sets
 
@@ -28,8 +30,8 @@ class Arena:
     Gives out arrays that live as long as whoever holds them.
 
     A pair goes through dozens of arrays of some hundred kilobytes: more pages than a processor
-    remembers the places of. NumPy asks Linux for huge pages where it allocates 4 MB or more, which
-    these arrays get by lying in one block.
+    remembers the places of. In one block they can have huge pages. The system gives a block, not
+    the C library: what of it is never used takes no memory, and what is free goes back at once.
 
     """
 
@@ -42,7 +44,7 @@ class Arena:
         """Return an array without content."""
         size = math.prod(shape) * np.dtype(dtype).itemsize
         if self._used + size > self._block.size:
-            self._block = np.empty(max(BLOCK, size + ALIGNMENT), np.uint8)
+            self._block = memory(max(BLOCK, size + ALIGNMENT))
             self._used = -self._block.ctypes.data % ALIGNMENT
         found = self._block[self._used:self._used + size].view(dtype).reshape(shape)
         self._used += size + -size % ALIGNMENT + STAGGER
@@ -63,3 +65,18 @@ class Arena:
         found = self.empty(array.shape, array.dtype)
         found[...] = array
         return found
+
+
+def memory(size):
+    """Return new bytes, uint8 (size,), at the begin of a huge page where the system has them."""
+    if not hasattr(mmap, 'MAP_ANONYMOUS'):
+        return np.empty(size, np.uint8)
+    block = mmap.mmap(-1, size + HUGE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    if hasattr(mmap, 'MADV_HUGEPAGE'):
+        try:
+            block.madvise(mmap.MADV_HUGEPAGE)
+        except OSError:  # Linux without huge pages
+            pass
+    whole = np.frombuffer(block, np.uint8)
+    first = -whole.ctypes.data % HUGE
+    return whole[first:first + size]

@@ -166,6 +166,19 @@ class Kernel:
         return instead
 
 
+def forget_bitcode():
+    """
+    Free what numba keeps of all kernels for functions that would call them: 22 MB.
+
+    Only Python calls kernels. They stay compiled, and can be compiled for other arguments.
+
+    """
+    if _WAY.chosen is plain:
+        return  # nothing private of numba
+    from .internals.linking import unlinked
+    unlinked([made for kernel in _WAY.kernels for made in list(kernel._made.values())])
+
+
 def banded(count=BANDS, **options):
     """
     Return a decorator that makes a parallel kernel of a function of one band.

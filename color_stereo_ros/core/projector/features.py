@@ -19,6 +19,8 @@ SIFT (Lowe 2004) finds the same colors in an image and in the pattern, in two ch
 
 """
 
+from itertools import product
+
 import cv2
 import numpy as np
 
@@ -43,12 +45,7 @@ class PatternFeatures:
         self.pattern = pattern
         self.scale = min(1.0, np.sqrt(size[0] * size[1] / (width * height)))
         small = _reduced(pattern, self.scale)
-        tuning = TUNING.matching
-        every = cv2.SIFT_create(contrastThreshold=tuning.contrast)
-        self._found = [_described(every, image, None, self.scale)
-                       for image in chromaticities(small)]
-        self._sift = cv2.SIFT_create(nfeatures=tuning.features,
-                                     contrastThreshold=tuning.contrast)
+        self._found = [_described(image, None, self.scale) for image in chromaticities(small)]
 
     @property
     def count(self):
@@ -77,7 +74,7 @@ class PatternFeatures:
         mask = None if mask is None else _reduced(mask, scale)
         pixels, places, names, first, features = [], [], [], 0, 0
         for gray, (known, descriptors) in zip(chromaticities(small), self._found):
-            seen, described = _described(self._sift, gray, mask, scale)
+            seen, described = _described(gray, mask, scale, TUNING.matching.features)
             one, other = nearest(described, descriptors)
             pixels.append(seen[one])
             places.append(known[other])
@@ -188,26 +185,64 @@ def nearest(one, other):
     """
     if len(one) < 1 or len(other) < 2:
         return np.zeros((2, 0), int)
+    squares = np.einsum('ij,ij->i', other, other)
+    found = [_nearest(part, other, squares) for part in np.array_split(
+        one, -(-len(one) // TUNING.matching.compared))]
+    good, best = map(np.concatenate, zip(*found))
+    return np.flatnonzero(good), best[good]
+
+
+def _nearest(one, other, squares):
+    """Return which of `one` pass the ratio test, bool, and the nearest of `other`."""
     # |a - b|^2 = a.a + b.b - 2 a.b: a product of matrices is faster than the loops of a matcher
     apart = one @ other.T
     apart *= -2
-    apart += np.einsum('ij,ij->i', other, other)
+    apart += squares
     rows = np.arange(len(one))
     best = np.argmin(apart, axis=1)
     own = np.einsum('ij,ij->i', one, one)
     least = apart[rows, best] + own
     apart[rows, best] = np.inf
-    good = least < TUNING.matching.ratio ** 2 * (apart.min(axis=1) + own)
-    return rows[good], best[good]
+    return least < TUNING.matching.ratio ** 2 * (apart.min(axis=1) + own), best
 
 
-def _described(sift, image, mask, scale):
-    """Return the places of features, px of the image before it was reduced; and descriptors."""
-    points, descriptors = sift.detectAndCompute(image, mask)
-    if descriptors is None:
-        return np.zeros((0, 2)), np.zeros((0, 128), np.float32)
-    places = np.array([point.pt for point in points], np.float64).reshape(-1, 2)
+def _described(image, mask, scale, most=0):
+    """
+    Return the places of features, px of the image before it was reduced; and descriptors.
+
+    most: how many, those of the largest contrast; 0: all. SIFT takes 230 bytes for a pixel, and
+    so sees one tile of the image after the other. A tile reaches into its neighbors, but a feature
+    belongs to the tile that it lies in.
+
+    """
+    tuning = TUNING.matching
+    sift = cv2.SIFT_create(nfeatures=most, contrastThreshold=tuning.contrast)
+    found = [(np.zeros((0, 2)), np.zeros((0, 128), np.float32), np.zeros(0))]
+    for y, x in product(*(_spans(length) for length in image.shape)):
+        inner = np.array([(x.start, y.start), (x.stop, y.stop)]) - 0.5
+        wide = tuple(slice(max(each.start - tuning.seam, 0), each.stop + tuning.seam)
+                     for each in (y, x))
+        points, descriptors = sift.detectAndCompute(image[wide],
+                                                    None if mask is None else mask[wide])
+        if descriptors is None:
+            continue
+        places = np.array([point.pt for point in points]) + (wide[1].start, wide[0].start)
+        own = ((places >= inner[0]) & (places < inner[1])).all(axis=1)
+        found.append((places[own], descriptors[own],
+                      np.array([point.response for point in points])[own]))
+    places, descriptors, contrast = map(np.concatenate, zip(*found))
+    if most and len(places) > most:
+        best = np.sort(np.argpartition(-contrast, most)[:most])
+        places, descriptors = places[best], descriptors[best]
     return (places + 0.5) / scale - 0.5, descriptors
+
+
+def _spans(length):
+    """Return the slices of about equal length, about `tile` at most, that make up a length."""
+    count, unit = -(-length // TUNING.matching.tile), TUNING.matching.seam
+    # multiples of a power of 2: SIFT halves images by leaving out pixels
+    ends = [round(length * k / count / unit) * unit for k in range(count)] + [length]
+    return [slice(*span) for span in zip(ends, ends[1:])]
 
 
 def _reduced(image, scale):

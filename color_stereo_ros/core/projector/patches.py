@@ -21,6 +21,7 @@ import numpy as np
 
 from .adjustment import Evidence
 from .patch_kernels import HALF, place_patches, SIDE
+from .blurring import bands
 from .tuning import TUNING
 
 REACH = HALF - 1  # of the neighbors that tell how smooth a surface is, px
@@ -245,11 +246,13 @@ def chromatic(pattern, blur):
 
     """
     blur = max(blur, TUNING.patches.least_blur)
-    r, g, b = cv2.split(cv2.GaussianBlur(pattern.astype(np.float32, copy=False), (0, 0), blur))
-    share = 1 / (r + g + b + np.float32(TUNING.patches.dark))
-    colors = np.empty((*share.shape, 2), np.float32)
-    np.multiply(r - g, share, out=colors[..., 0])
-    np.multiply(b - np.float32(0.5) * (r + g), share, out=colors[..., 1])
+    colors = np.empty((*pattern.shape[:2], 2), np.float32)
+    for band in bands(len(pattern), blur):
+        part = pattern[band.wide].astype(np.float32, copy=False)
+        r, g, b = cv2.split(cv2.GaussianBlur(part, (0, 0), blur)[band.inner])
+        share = 1 / (r + g + b + np.float32(TUNING.patches.dark))
+        np.multiply(r - g, share, out=colors[band.rows, :, 0])
+        np.multiply(b - np.float32(0.5) * (r + g), share, out=colors[band.rows, :, 1])
     return colors
 
 

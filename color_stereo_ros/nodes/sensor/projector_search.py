@@ -68,7 +68,8 @@ class ProjectorSearch(SearchBeside):
         if track is None or self.busy:
             return
         if track.due:
-            self.begin(_search, stereo, result)
+            if stereo.projector.due:  # else a search ended while this pair was measured
+                self.begin(_search, stereo, result)
         elif track.prepared is not self._prepared and not self._chores.busy:
             self._prepared = track.prepared
             self._chores.begin(give_back)  # blurring the pattern has needed much
@@ -80,6 +81,7 @@ def _get_ready(pattern, geometry):
 
 
 def _search(stereo, result):
+    give_back()  # looking at the first pair has needed much
     found = stereo.search_projector(result)
     if not stereo.projector.agreeing:  # else it was dark for a moment, and is where it was
         stereo.adopt_projector(found)

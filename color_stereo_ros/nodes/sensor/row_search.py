@@ -40,6 +40,8 @@ class RowSearch(SearchBeside):
         """
         if result.alignment is None or not result.alignment.due or self.busy:
             return
+        if not stereo.alignment.due:
+            return  # a search ended while this pair was measured
         # images of a message may be written again
         self.begin(_search, stereo, np.copy(left), np.copy(right))
 

@@ -24,6 +24,7 @@ from .sweep import (
     geometry_variance, magnification, packed, places_per_disparity, straightened, sweep_matrix)
 from .tuning import TUNING
 from ..grid_kernels import F4
+from ...projector.blurring import bands
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +117,13 @@ class Projected:
             variance = self.variance + TUNING.color.blurs[level] ** 2
             wide = variance + (self.step / 4 * TUNING.search.blur) ** 2
             thin = max(1, int(self.scale * np.sqrt(wide) / TUNING.search.detail))
-            light = straightened(self.pattern, self.lens)  # large: not kept
-            image = packed(self.smooth(light, variance))
-            coarse_image = thinned(self.smooth(light, wide), thin)
-            self.made[level] = BlurredPattern(
-                image, packed(coarse_image).reshape(coarse_image.shape[:2]), thin)
+            fine, coarse = [], []
+            for band in bands(self.size[0], self.scale * float(np.sqrt(wide)), thin):
+                light = straightened(self.pattern, self.lens, band.wide)
+                fine.append(packed(self.smooth(light, variance)[band.inner]))
+                part = thinned(self.smooth(light, wide)[band.inner], thin)
+                coarse.append(packed(part).reshape(part.shape[:2]))
+            self.made[level] = BlurredPattern(*map(np.concatenate, (fine, coarse)), thin)
         return self.made[level]
 
     def smooth(self, light, variance):

@@ -67,7 +67,7 @@ def places(sweep, x, y, d):
     return u / w, v / w
 
 
-def straightened(pattern, model):
+def straightened(pattern, model, rows=slice(None)):
     """
     Return the pattern as a projector without distortion would have to show it.
 
@@ -77,27 +77,44 @@ def straightened(pattern, model):
         The image that the projector shows, linear light.
     model : ProjectorModel
         Geometry of the projector.
+    rows : slice
+        The rows of the result.
 
     Returns
     -------
-    pattern : numpy.ndarray, float32, shape (H, W, 3)
+    pattern : numpy.ndarray, float32, shape (h, W, 3)
         Linear light 0..1.
 
     """
+    if not model.distortion:
+        return _light(pattern[rows])
+    u, v = unbent_places(model, pattern.shape[:2], rows)
+    reach = 2  # of the cubic, px
+    first = max(int(np.floor(v.min())) - reach, 0)
+    last = max(int(np.ceil(v.max())) + reach + 1, 1)
+    first = min(first, len(pattern) - 1)
+    v -= F4(first)
+    return cv2.remap(_light(pattern[first:last]), u, v, cv2.INTER_CUBIC,
+                     borderMode=cv2.BORDER_REPLICATE)
+
+
+def _light(pattern):
+    """Return a pattern as light 0..1, float32."""
     light = pattern.astype(F4)
     if pattern.dtype == np.uint8:
         light *= F4(TUNING.sweep.unit)
-    if not model.distortion:
-        return light
-    rows, columns = light.shape[:2]
-    u, v = np.meshgrid(np.arange(columns, dtype=F4), np.arange(rows, dtype=F4))
+    return light
+
+
+def unbent_places(model, shape, rows):
+    """Return what a lens shows at the places of an ideal one: float32 u and v of some rows."""
+    u, v = np.arange(shape[1], dtype=F4), np.arange(shape[0], dtype=F4)[rows, None]
     (fx, skew, cu), (_, fy, cv), _ = model.camera_matrix
     y = (v - F4(cv)) * F4(1 / fy)
     x = (u - F4(cu) - F4(skew) * y) * F4(1 / fx)
     stretch = F4(model.distortion) * (x * x + y * y)
     # K (1 + k r^2) (x, y) = (u, v) + k r^2 K (x, y)
-    return cv2.remap(light, u + stretch * (u - F4(cu)), v + stretch * (v - F4(cv)),
-                     cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return u + stretch * (u - F4(cu)), v + stretch * (v - F4(cv))
 
 
 def prepared_for(model, prepared, geometry, limits):
