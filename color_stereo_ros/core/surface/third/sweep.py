@@ -90,7 +90,7 @@ def straightened(pattern, model):
     if not model.distortion:
         return light
     rows, columns = light.shape[:2]
-    u, v = np.meshgrid(np.arange(columns, dtype=F4), np.arange(rows, dtype=F4))
+    u, v = np.arange(columns, dtype=F4), np.arange(rows, dtype=F4)[:, None]
     (fx, skew, cu), (_, fy, cv), _ = model.camera_matrix
     y = (v - F4(cv)) * F4(1 / fy)
     x = (u - F4(cu) - F4(skew) * y) * F4(1 / fx)
@@ -129,7 +129,7 @@ def prepared_for(model, prepared, geometry, limits):
         return model
     if prepared is None or prepared.size != model.size:
         return model
-    if distortion_apart(model, prepared) > tuning.prepared_places:
+    if lens_change(model, prepared)[1] > tuning.prepared_places:
         return model
     middle = float(np.mean(limits))
     sweeps = [sweep_matrix(each, geometry) for each in (model, prepared)]
@@ -140,18 +140,40 @@ def prepared_for(model, prepared, geometry, limits):
     return prepared
 
 
-def distortion_apart(one, other):
-    """Return by how much two lenses move the places of the pattern differently at most, px."""
-    width, height = one.size
-    u, v = np.meshgrid(np.linspace(0, width - 1, 5), np.linspace(0, height - 1, 5))
-    pixels = np.stack([u, v, np.ones_like(u)], axis=-1)
+def lens_change(model, prepared):
+    """
+    Return what takes places of one projector to the images of the pattern made for another one.
 
-    def moved(model):
-        rays = pixels @ np.linalg.inv(model.camera_matrix).T
-        stretch = model.distortion * (rays[..., :1] ** 2 + rays[..., 1:2] ** 2)
-        return (stretch * rays)[..., :2] @ model.camera_matrix[:2, :2].T
+    An image that was straightened for one lens shows the light of a slightly different lens almost
+    at an affine map of its places: a change of k1 is mostly one of scale.
 
-    return float(np.abs(moved(one) - moved(other)).max())
+    Parameters
+    ----------
+    model, prepared : ProjectorModel
+        Of the places, and of the images.
+
+    Returns
+    -------
+    change : numpy.ndarray, float64, shape (3, 3)
+        Of homogeneous places, px of the pattern.
+    apart : float
+        By how much this is off at most, px.
+
+    """
+    (width, height), count = model.size, TUNING.sweep.lens_samples
+    u, v = np.meshgrid(np.linspace(0, width - 1, count), np.linspace(0, height - 1, count))
+    pixels = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3)
+
+    def moved(lens):
+        rays = pixels @ np.linalg.inv(lens.camera_matrix).T
+        stretch = lens.distortion * (rays[:, :1] ** 2 + rays[:, 1:2] ** 2)
+        return (stretch * rays)[:, :2] @ lens.camera_matrix[:2, :2].T
+
+    away = moved(model) - moved(prepared)
+    fitted = np.linalg.lstsq(pixels, away)[0]
+    change = np.eye(3)
+    change[:2] += fitted.T
+    return change, float(np.abs(away - pixels @ fitted).max())
 
 
 def geometry_variance(model, geometry, d):
