@@ -20,27 +20,31 @@ import math
 from color_stereo_ros.cli.process import SAMPLE
 from color_stereo_ros.core import ColorStereo, Settings, SettingsError, Status, StereoCalibration
 from color_stereo_ros.core.compiled import BANDS
+from color_stereo_ros.core.projector.patch_kernels import choose_sites, predict_patches
 from color_stereo_ros.core.surface.coarse_kernels import seed_planes
 from color_stereo_ros.core.surface.grid_kernels import (
     PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
 from color_stereo_ros.core.surface.plane_kernels import fit_planes, RADIUS, WIDE_RADIUS
 from color_stereo_ros.core.surface.third.color_kernels import (
-    color_equations, color_errors, color_slopes, mixed_errors, solve_changes)
+    color_equations, color_errors, color_slopes, mixed_errors, solve_changes, window_means)
 from color_stereo_ros.core.surface.third.colors import (
     chromaticity, fitted_colors, local_light, mixed)
 from color_stereo_ros.core.surface.third.fitting_kernels import fit_region
 from color_stereo_ros.core.surface.third.fusion import Fusion
 from color_stereo_ros.core.surface.third.fusion_kernels import (
-    AGREE, APART, decide, FIRM, gather_evidence, sort_nodes, spread_planes, weigh_forms)
+    AGREE, APART, bound_odds, decide, expected_wrong, find_treated, FIRM, gather_evidence,
+    sort_nodes, spread_planes, spread_views, weigh_forms)
 from color_stereo_ros.core.surface.third.projected import thinned
+from color_stereo_ros.core.surface.third.region_kernels import (
+    find_known, find_region, reduce_firm, tiles_with)
 from color_stereo_ros.core.surface.third.search import needed_nodes
 from color_stereo_ros.core.surface.third.sweep import (
     geometry_variance, packed, places, straightened, sweep_matrix)
 from color_stereo_ros.core.surface.third.sweep_kernels import (
     anchor_nodes, around_sparse, best_windows, cells_of_nodes, cheapest_disparities, claim_cells,
     count_nodes, find_contested, linearize_sweep, list_nodes, PATHS, paths_along_columns,
-    paths_along_rows, places_of_nodes, seed_unknown, sparse_misfits, sum_windows, sweep_costs,
-    sweep_misfits, take_best)
+    paths_along_rows, places_of_nodes, put_nodes, seed_unknown, shorten_list, sparse_misfits,
+    sum_windows, sweep_costs, sweep_misfits, take_best)
 from color_stereo_ros.core.surface.third.tuning import TUNING
 from color_stereo_ros.core.surface.trust import Verdict
 from color_stereo_ros.core.surface.tuning import TUNING as TUNING_OF_TWO
@@ -334,14 +338,29 @@ def test_nodes_are_linearized_as_their_formulas_say():
 
 def test_the_plane_of_a_neighbor_is_compared_at_the_own_place():
     given = nodes()
-    out = np.full(given['d'].shape, 7, F4)
-    sweep_misfits(*listed(given), *(given[name].ravel() for name in 'dab'), 1, -2,
-                  out.shape[1], F4(0.04), F4(60), out.ravel())
-    for y, x in inner(given):
-        d = given['d'][y + 1, x - 2] + 2 * given['a'][y + 1, x - 2] - given['b'][y + 1, x - 2]
-        expected = naive_node(given, y, x, d)
-        told = 60 if expected is None else min(expected[0], 60)
-        assert out[y, x] == pytest.approx(told if given['region'][y, x] else 7, rel=2e-3)
+    first, shape = listed(given), given['d'].shape
+    steps, out = np.array([(0, 0), (1, -2)]), np.empty((2, first[0].size), F4)
+    sweep_misfits(*first, *(given[name].ravel() for name in 'dab'), steps, shape[1], F4(0.04),
+                  F4(60), out)
+    for (down, along), misfits in zip(steps, out):
+        put = np.full(shape, 7, F4)
+        put_nodes(first[0], misfits, put.reshape(-1))
+        for y, x in inner(given):
+            d, a, b = (given[name][y + down, x + along] for name in 'dab')
+            expected = naive_node(given, y, x, d - a * along - b * down)
+            told = 60 if expected is None else min(expected[0], 60)
+            assert put[y, x] == pytest.approx(told if given['region'][y, x] else 7, rel=2e-3)
+
+
+def test_a_shortened_list_tells_the_same_of_fewer_nodes():
+    given = nodes()
+    everyone, told = listed(given)[:2]
+    wanted = np.random.default_rng(13).random(given['d'].shape) < 0.3
+    some, flat = np.zeros(everyone.size, np.int32), np.zeros(told.size, F4)
+    count = shorten_list(everyone, told, wanted.reshape(-1), some, flat)
+    kept = wanted.reshape(-1)[everyone]
+    np.testing.assert_array_equal(some[:count], everyone[kept])
+    np.testing.assert_array_equal(flat[:8 * count].reshape(8, count), told[:, kept])
 
 
 @pytest.mark.parametrize('columns', [30, 31])
@@ -387,10 +406,10 @@ def test_firm_nodes_get_what_two_cameras_know_and_all_others_nothing():
     rng = np.random.default_rng(3)
     firm = rng.random((9, 40)) < 0.5
     told, *given = rng.random((6, *firm.shape)).astype(F4)
-    own = list(rng.random((7, *firm.shape)).astype(F4))
+    own = list(rng.random((6, *firm.shape)).astype(F4))
     planes = [each.copy() for each in own[:3]]
     anchor_nodes(firm, told, *given, F4(60), *own)
-    for known, out, otherwise in zip((*given, told, told), own, (*planes, 0, 0, np.nan, 60)):
+    for known, out, otherwise in zip((*given, told), own, (*planes, 0, 0, 60)):
         np.testing.assert_array_equal(out, np.where(firm, known, F4(otherwise)))
 
 
@@ -412,15 +431,15 @@ def test_unknown_nodes_get_the_planes_of_the_coarse_search():
     rng = np.random.default_rng(9)
     h, w, factor = 6, 9, 2
     coarse = rng.uniform(2, 9, (h, w)).astype(F4)
-    known = np.where(rng.random((h, w)) < 0.5, 3.0, np.nan).astype(F4)
+    whole = rng.random((h, w)) < 0.5
     nodes = h * factor + 1, w * factor + 1
     shape = tuple(count + 2 * PAD for count in nodes)
     seeded, planes = np.full((2, 3, *shape), 7, F4)
     seed_planes(coarse, factor, F4(0), *nodes, *seeded)
-    seed_unknown(coarse, known, factor, *nodes, *planes)
+    seed_unknown(coarse, whole, factor, *nodes, *planes)
     for y, x in np.ndindex(nodes):
         cy, cx = min(y // factor, h - 1), min(x // factor, w - 1)
-        skipped = known[cy, cx] == known[cy, cx] and cy < h - 1 and cx < w - 1
+        skipped = whole[cy, cx] and cy < h - 1 and cx < w - 1
         at = np.s_[:, y + PAD, x + PAD]
         np.testing.assert_array_equal(planes[at], 7 if skipped else seeded[at])
 
@@ -442,6 +461,29 @@ def test_planes_are_fitted_where_the_region_needs_them(reach):
             at = np.s_[:, tile[0] + y, tile[1] + x]
             np.testing.assert_array_equal(some[at], every[at] if reach or y == line else 7)
     assert (some[:, PAD:PAD + TILE_ROWS, PAD + TILE_COLUMNS:] == 7).all()
+
+
+def test_with_a_stride_every_second_line_takes_the_planes_of_the_one_above():
+    given = nodes()
+    rng, shape = np.random.default_rng(14), given['d'].shape
+    weight, moment = rng.random((2, *shape)).astype(F4)
+    region = np.zeros(shape, bool)
+    region[PAD + 3, PAD + 3] = True  # its pair begins at line 2
+    tiles, gate = given['tiles'][:1], 12.0
+    numbers = np.zeros(1, np.int8), F4(gate), 2, F4(0.01), F4(0.1), F4(1), F4(10)
+    planes = [given[name] for name in 'dab']
+    every, some = np.full((2, 4, *shape), 7, F4)
+    fit_planes(weight, moment, *planes, tiles, *numbers, *every)
+    fit_region(weight, moment, *planes, region, tiles, *numbers, *some)
+    line = np.s_[PAD:PAD + TILE_COLUMNS]
+    d, a, b, variance = above = every[:, PAD + 2, line]
+    np.testing.assert_allclose(some[:, PAD + 2, line], above, rtol=1e-5)
+    own = [plane[PAD + 3, line] for plane in planes]
+    near = np.abs(d + b - own[0]) < gate
+    assert near.any() and not near.all()
+    np.testing.assert_allclose(some[:, PAD + 3, line], [
+        *(np.where(near, new, old) for new, old in zip((d + b, a, b), own)), variance], rtol=1e-5)
+    assert (np.delete(some, [PAD + 2, PAD + 3], axis=1) == 7).all()
 
 
 def test_standard_deviations_are_those_of_fit_neighbors_and_geometry():
@@ -602,8 +644,11 @@ def test_nodes_are_sorted_by_what_both_say_and_the_better_plane_is_taken():
     evidence = np.zeros((8, rows, columns), F4)
     kind, only_third = np.zeros((2, rows, columns), np.uint8)
     possible = np.zeros((rows, columns), bool)
-    sort_nodes(two[0], third[0], odds, witness, firm, treated, evidence, kind, only_third,
-               possible)
+    dim, own_odds, lone = rng.random((3, rows, columns)).astype(F4)
+    sort_nodes(two[0], third[0], odds, witness, firm, treated, dim, evidence, kind, only_third,
+               possible, own_odds, lone)
+    np.testing.assert_array_equal(own_odds, odds[inner])
+    assert (lone == hopeless).all() and (evidence[5] == dim).all()
     weighed, third_odds = rng.normal(0, 3, (2, rows, columns)).astype(F4)
     third_odds[only_third == 0] = hopeless
     doubts, reason = np.array([0, 0.5, 0.25, 0.75], F4), np.full(shape, 3, np.uint8)
@@ -743,7 +788,7 @@ def test_the_evidence_of_a_plane_is_what_its_neighbors_say():
     shape = rows + 2 * PAD, columns + 2 * PAD
     d, cost, variance, misfit = rng.uniform(0.1, 3, (4, *shape)).astype(F4)
     a, b = rng.uniform(-0.2, 0.2, (2, *shape)).astype(F4)
-    d[PAD + 2, PAD + 3] = np.nan
+    d[PAD + 2, PAD + 3] = misfit[PAD + 4, PAD + 4] = np.nan
     treated = rng.random((rows, columns)) < 0.6
     own, steps = np.zeros((4, rows, columns), F4), np.zeros((2, rows, columns), F4)
     gather_evidence(d, a, b, cost, variance, misfit, treated, own, steps)
@@ -755,7 +800,8 @@ def test_the_evidence_of_a_plane_is_what_its_neighbors_say():
         np.testing.assert_allclose(
             steps[:, row, column], [max(max(away), 0) ** 0.5, max(-min(away), 0) ** 0.5],
             atol=1e-3)
-        expected = np.sqrt([cost[y, x], misfit[y, x], variance[y, x] ** 0.5,
+        near = np.fmin(misfit[y - 1:y + 2, x - 1:x + 2], TUNING.use.misfit_cap)
+        expected = np.sqrt([cost[y, x], near.mean(), variance[y, x] ** 0.5,
                             np.mean(np.abs(away))]) if treated[row, column] else np.zeros(4)
         np.testing.assert_allclose(own[:, row, column], expected, atol=1e-3)
 
@@ -778,7 +824,9 @@ def test_nothing_compiles_after_a_projector_is_taken():
                anchor_nodes, best_windows, count_nodes, fit_region, list_nodes, linearize_sweep,
                seed_unknown, spread_planes,
                paths_along_columns, sweep_costs, paths_along_rows, places_of_nodes, sum_windows,
-               sweep_misfits, take_best, cheapest_disparities)
+               sweep_misfits, take_best, cheapest_disparities, put_nodes, shorten_list,
+               window_means, find_known, find_region, reduce_firm, tiles_with, find_treated,
+               bound_odds, expected_wrong, spread_views, choose_sites, predict_patches)
     before = [len(kernel.signatures) for kernel in kernels]
     result = rig.process(*pair())
     assert (result.views & 2).any()

@@ -55,6 +55,7 @@ FORMULAS = {
     'row_cells',          # the same, and a derivative from five rows
     'linearize_brightness',  # the same as `linearize`
     'logistic',           # the series of the exponential function, and its range
+    'logarithm',          # the series of artanh, of an eighth root
     'join_nodes',         # bits of a link
     'independent_pixels',  # 4 pi sigma^2, the area of a Gaussian correlation
     'some_calibration',   # any small rig

@@ -24,7 +24,7 @@ from .adjustment import (
 from .colors import color_map
 from .features import left_right_pairs, PatternFeatures
 from .model import ProjectorModel
-from .patches import affines, chromatic, placed, sites, warm
+from .patches import chromatic, placed, predictions, sites, warm
 from .starting import starts
 from .tuning import TUNING
 
@@ -259,7 +259,7 @@ class ProjectorFinder:
 
         """
         some = where.every(len(where) // TUNING.find.blur_sites + 1)
-        areas = np.abs(np.linalg.det(affines(model, some)))
+        areas = np.abs(np.linalg.det(predictions(model, some)[1]))
         per_pixel = float(np.sqrt(np.median(areas[np.isfinite(areas)])))
         blurs = np.array(TUNING.find.blurs)
 

@@ -146,6 +146,72 @@ def normal_equations(values, sums):
     sums[7], sums[8], sums[9], sums[10] = r0, r1, left, all_of_it
 
 
+@part()
+def project(x, y, z, camera, turn, shift, distortion):
+    """Return column and row of the pattern that light a point; NaN behind the projector."""
+    a = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + shift[0]
+    b = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + shift[1]
+    c = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + shift[2]
+    inverse = 1 / c if c > 0 else np.nan
+    a, b = a * inverse, b * inverse
+    stretch = 1 + distortion * (a * a + b * b)
+    return (stretch * (camera[0, 0] * a + camera[0, 1] * b) + camera[0, 2],
+            stretch * camera[1, 1] * b + camera[1, 2])
+
+
+@serial()
+def predict_patches(points, slopes, camera, turn, shift, distortion, places, affines):
+    """
+    Write where in the pattern some patches of the image should lie, and how they move there.
+
+    points float64 (N, 3), m; slopes float64 (N, 2, 3), m per px along columns and rows; camera,
+    turn, shift and distortion as in a ProjectorModel. places float64 (N, 2), px of the pattern;
+    affines float64 (N, 2, 2), pattern px per px of the image.
+
+    """
+    for n in range(points.shape[0]):
+        x, y, z = points[n]
+        places[n, 0], places[n, 1] = project(x, y, z, camera, turn, shift, distortion)
+        for axis in range(2):
+            i, j, k = slopes[n, axis]
+            u1, v1 = project(x + i, y + j, z + k, camera, turn, shift, distortion)
+            u0, v0 = project(x - i, y - j, z - k, camera, turn, shift, distortion)
+            affines[n, 0, axis], affines[n, 1, axis] = (u1 - u0) / 2, (v1 - v0) / 2
+
+
+@serial()
+def choose_sites(depth, confidence, rows, columns, reach, scale, least, bend, tilt, pixels,
+                 inverse):
+    """
+    Write the pixels of a grid whose surface is smooth; return how many there are.
+
+    depth, m, and confidence are float32 (H, W); rows and columns int64. pixels, int32 (N, 2),
+    takes column and row, inverse, float64 (N, 5), 1 / depth there and `reach` px to the left,
+    right, above and below. scale, px m, takes 1 / depth to disparities: these bend by less than
+    bend, px, and lean by less than tilt, px per px. The confidence is above least.
+
+    """
+    count = 0
+    for y in rows:
+        for x in columns:
+            if not confidence[y, x] > least:
+                continue
+            here = 1 / np.float64(depth[y, x])
+            before, after = 1 / np.float64(depth[y, x - reach]), 1 / np.float64(
+                depth[y, x + reach])
+            above, below = 1 / np.float64(depth[y - reach, x]), 1 / np.float64(
+                depth[y + reach, x])
+            if (abs(before + after - 2 * here) * scale < bend
+                    and abs(above + below - 2 * here) * scale < bend
+                    and abs(after - before) * scale < 2 * reach * tilt
+                    and abs(below - above) * scale < 2 * reach * tilt):
+                pixels[count, 0], pixels[count, 1] = x, y
+                inverse[count, 0], inverse[count, 1], inverse[count, 2] = here, before, after
+                inverse[count, 3], inverse[count, 4] = above, below
+                count += 1
+    return count
+
+
 @serial(fastmath=FAST)
 def place_patches(image, pattern, pixels, places, affines, rounds, farthest, result):
     """

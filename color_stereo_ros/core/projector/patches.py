@@ -15,13 +15,14 @@
 """Precise matches: patches of the image around predicted places are placed in the pattern."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
 from .adjustment import Evidence
-from .patch_kernels import HALF, place_patches, SIDE
 from .blurring import bands
+from .patch_kernels import choose_sites, HALF, place_patches, predict_patches, SIDE
 from .tuning import TUNING
 
 REACH = HALF - 1  # of the neighbors that tell how smooth a surface is, px
@@ -46,7 +47,17 @@ class Sites:
 
     def every(self, step):
         """Return every so manyth site."""
-        return Sites(*(each[::step] for each in vars(self).values()))
+        return self.taken(np.s_[::step])
+
+    def some(self, count):
+        """Return so many sites, evenly chosen; all of them if there are no more."""
+        if len(self) <= count:
+            return self
+        return self.taken(np.arange(count) * len(self) // count)
+
+    def taken(self, which):
+        """Return the sites that an index takes."""
+        return Sites(*(np.ascontiguousarray(each[which]) for each in vars(self).values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +171,7 @@ def site_rows(height, step):
     return np.arange(HALF + step // 2, height - HALF, step)
 
 
+@lru_cache(maxsize=8)
 def lines_around(height, step):
     """Return the rows of pixels whose measurement `sites` reads, int64 (N,), ascending."""
     rows = site_rows(height, step)[:, None] + np.array([-REACH, 0, REACH])
@@ -185,37 +197,35 @@ def sites(measured, step):
     height, width = measured.depth.shape
     rows = site_rows(height, step)
     columns = np.arange(HALF + step // 2, width - HALF, step)
-    y, x = (each.ravel() for each in np.meshgrid(rows, columns, indexing='ij'))
-    reach = REACH
-    inverse = [1.0 / measured.depth[y + dy, x + dx].astype(np.float64)
-               for dy, dx in ((0, 0), (0, -reach), (0, reach), (-reach, 0), (reach, 0))]
-    here, before, after, above, below = inverse
-    scale = measured.geometry.focal_baseline
-    with np.errstate(invalid='ignore'):
-        smooth = [np.abs(one + other - 2 * here) * scale < TUNING.patches.bend
-                  for one, other in ((before, after), (above, below))]
-        tilt = [np.abs(other - one) * scale < 2 * reach * TUNING.patches.tilt
-                for one, other in ((before, after), (above, below))]
-        trusted = measured.confidence[y, x] > TUNING.patches.confidence
-    good = smooth[0] & smooth[1] & tilt[0] & tilt[1] & trusted
-    x, y, here = x[good], y[good], here[good]
-    pixels = np.column_stack([x, y]).astype(np.int32)
+    tuning, most = TUNING.patches, len(rows) * len(columns)
+    scale = float(measured.geometry.focal_baseline)
+    pixels, inverse = np.empty((most, 2), np.int32), np.empty((most, 5))
+    count = choose_sites(_read_only(measured.depth), _read_only(measured.confidence), rows,
+                         columns, REACH, scale, tuning.confidence, tuning.bend, tuning.tilt,
+                         pixels, inverse)
+    pixels, (here, before, after, above, below) = pixels[:count], inverse[:count].T
     # the plane in inverse depth: dZ/dx = -Z^2 dw/dx
     depth = 1 / here
     rays = measured.rays(pixels)
-    slopes = np.empty((len(x), 2, 3))
+    slopes = np.empty((count, 2, 3))
     for axis, (one, other, focal) in enumerate(
             ((before, after, measured.geometry.focal_x), (above, below,
                                                           measured.geometry.focal_y))):
-        fall = -depth ** 2 * ((other - one)[good] / (2 * reach))
+        fall = -depth ** 2 * ((other - one) / (2 * REACH))
         slopes[:, axis] = rays * fall[:, None]
         slopes[:, axis, axis] += depth / focal
-    return Sites(pixels, rays * depth[:, None], slopes,
-                 measured.disparity_std[y, x].astype(np.float64))
+    spread = measured.disparity_std[pixels[:, 1], pixels[:, 0]]
+    return Sites(pixels, rays * depth[:, None], slopes, spread.astype(np.float64))
 
 
 def warm():
-    """Compile the kernel, so that no pair waits for it."""
+    """Compile the kernels, so that no pair waits for them."""
+    image, nothing = _read_only(np.zeros((1, 1), np.float32)), np.zeros(0, np.int64)
+    choose_sites(image, image, nothing, nothing, REACH, 1.0, 0.0, 0.0, 0.0,
+                 np.zeros((0, 2), np.int32), np.zeros((0, 5)))
+    matrix = _read_only(np.eye(3))
+    predict_patches(np.zeros((0, 3)), np.zeros((0, 2, 3)), matrix, matrix,
+                    _read_only(np.zeros(3)), 0.0, np.zeros((0, 2)), np.zeros((0, 2, 2)))
     place_patches(_read_only(np.zeros((1, 1, 3), np.uint8)),
                   _read_only(np.zeros((1, 1, 2), np.float32)), np.zeros((0, 2), np.int32),
                   np.zeros((0, 2)), np.zeros((0, 2, 2)), TUNING.patches.rounds,
@@ -256,16 +266,88 @@ def chromatic(pattern, blur):
     return colors
 
 
-def affines(model, places):
-    """Return how the pattern moves with the pixel at some sites, float64 (N, 2, 2)."""
-    points, slopes = places.points[:, None], places.slopes
-    ends = np.stack(model.project(np.concatenate([points + slopes, points - slopes], axis=1)), -2)
-    return (ends[..., :2] - ends[..., 2:]) / 2
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Patches of the image that were looked for in the pattern."""
+
+    places: Sites
+    start: np.ndarray
+    """float64 (N, 2), predicted column and row of the pattern, px."""
+    result: np.ndarray
+    """float64 (N, 4), see `patch_kernels.place_patches`."""
+    found: np.ndarray
+    """bool (N,)."""
+    expected: np.ndarray
+    """bool (N,), the patch should lie inside the pattern."""
+
+    @property
+    def count(self):
+        """Return how many were found."""
+        return int(np.count_nonzero(self.found))
+
+    @property
+    def share(self):
+        """Return the share of the expected patches that were found; 0 if none is expected."""
+        return np.count_nonzero(self.found & self.expected) / self.most
+
+    @property
+    def explained(self):
+        """
+        Return the share of the variance of their colors that the pattern explains, mean.
+
+        Where a patch was not found it explains nothing.
+
+        """
+        return float(self.result[self.found & self.expected, 3].sum()) / self.most
+
+    @property
+    def most(self):
+        """Return how many are expected, at least 1."""
+        return max(np.count_nonzero(self.expected), 1)
+
+    @property
+    def shift(self):
+        """Return the median distance of what was found from the predictions, px."""
+        away = (self.result[:, :2] - self.start)[self.found]
+        return float(np.median(np.hypot(*away.T)))
+
+    def evidence(self, measured):
+        """Return the Evidence of the patches that were found."""
+        tuning, found, places = TUNING.patches, self.found, self.places
+        sigma = np.hypot(tuning.correlated * self.result[found, 2], tuning.floor)
+        return measured.evidence(places.points[found], self.result[found, :2], sigma,
+                                 places.disparity_std[found])
 
 
-def placed(model, measured, colors, places, rounds=None):
+def predictions(model, places):
     """
-    Measure where in the pattern the patches of some sites lie.
+    Return where patches should lie, and how the pattern moves with the pixel there.
+
+    Parameters
+    ----------
+    model : ProjectorModel
+        Predicts the places.
+    places : Sites
+        The pixels.
+
+    Returns
+    -------
+    start : numpy.ndarray, float64, shape (N, 2)
+        Column and row of the pattern, px.
+    shape : numpy.ndarray, float64, shape (N, 2, 2)
+        Pattern px per px of the image.
+
+    """
+    start, shape = np.empty((len(places), 2)), np.empty((len(places), 2, 2))
+    predict_patches(places.points, places.slopes, _read_only(model.camera_matrix),
+                    _read_only(model.rotation), _read_only(model.translation),
+                    float(model.distortion), start, shape)
+    return start, shape
+
+
+def looked_for(model, measured, colors, places, rounds=None):
+    """
+    Look for the patches of some sites in the pattern, near their predicted places.
 
     Parameters
     ----------
@@ -276,38 +358,41 @@ def placed(model, measured, colors, places, rounds=None):
     colors : numpy.ndarray, float32, shape (H', W', 2)
         See `chromatic`.
     places : Sites
-        The predicted places.
+        The pixels.
     rounds : int, optional
         Of least squares; default: as in the constants.
+
+    Returns
+    -------
+    patches : Patches
+
+    """
+    tuning = TUNING.patches
+    result = np.full((len(places), 4), np.nan)
+    start, shape = predictions(model, places)
+    margin = HALF * np.abs(shape).sum(axis=2)
+    last = np.array(model.size) - 1
+    expected = ((start > margin) & (start < last - margin)).all(axis=1)
+    image, pixels = measured.patches(places.pixels)
+    place_patches(_read_only(image), _read_only(colors), pixels, start, shape,
+                  rounds or tuning.rounds, tuning.farthest, result)
+    found = result[:, 3] > tuning.explained  # NaN is not
+    return Patches(places, start, result, found, expected)
+
+
+def placed(model, measured, colors, places, rounds=None):
+    """
+    Measure where in the pattern the patches of some sites lie; parameters as for `looked_for`.
 
     Returns
     -------
     evidence : color_stereo_ros.core.projector.adjustment.Evidence
         Of the patches that were found.
     share : float
-        Of the sites whose patch should lie inside the pattern, that were found; 0 if there are
-        none.
+        See `Patches.share`.
     explained : float
-        Share of the variance of their colors that the pattern explains, mean; where a patch was
-        not found it explains nothing.
+        See `Patches.explained`.
 
     """
-    tuning = TUNING.patches
-    result = np.full((len(places), 4), np.nan)
-    start = np.column_stack(model.project(places.points))
-    shape = affines(model, places)
-    margin = HALF * np.abs(shape).sum(axis=2)
-    last = np.array(model.size) - 1
-    expected = ((start > margin) & (start < last - margin)).all(axis=1)
-    image, pixels = measured.patches(places.pixels)
-    place_patches(_read_only(image), _read_only(colors), pixels,
-                  np.ascontiguousarray(start), np.ascontiguousarray(shape),
-                  rounds or tuning.rounds, tuning.farthest, result)
-    explained = np.nan_to_num(result[:, 3])
-    found = explained > tuning.explained
-    sigma = np.hypot(tuning.correlated * result[found, 2], tuning.floor)
-    evidence = measured.evidence(places.points[found], result[found, :2], sigma,
-                                 places.disparity_std[found])
-    count = max(np.count_nonzero(expected), 1)
-    share = np.count_nonzero(found & expected) / count
-    return evidence, share, float(explained[found & expected].sum()) / count
+    patches = looked_for(model, measured, colors, places, rounds)
+    return patches.evidence(measured), patches.share, patches.explained

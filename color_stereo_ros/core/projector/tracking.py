@@ -24,7 +24,7 @@ from .adjustment import (
     to_unknowns)
 from .finding import Reason
 from .model import COUNT, ProjectorModel
-from .patches import chromatic, lines_around, placed, sites
+from .patches import chromatic, lines_around, looked_for, placed, sites
 from .tuning import TUNING
 
 UNEXPLAINED = ', but the colors of the pattern do not explain the image: two views measure'
@@ -158,12 +158,13 @@ class ProjectorTracker:
         if len(where) < tuning.least_patches:
             return missed(track)
         colors, age = self._colors(track.smoothing), track.age + 1
-        few = where.every(max(len(where) // tuning.watched, 1))
-        if age < tuning.refresh and len(few) >= tuning.least_patches:
-            evidence, share, _ = placed(track.model, measured, colors, few, tuning.rounds)
+        if age < tuning.refresh:
+            few = looked_for(track.model, measured, colors, where.some(tuning.watched),
+                             tuning.rounds)
+            share = few.share
             usual = track.usual if np.isfinite(track.usual) else share
-            if len(evidence) >= tuning.least_patches and share >= tuning.least_share * usual:
-                shift = apart_from(track.model, evidence)
+            if few.count >= tuning.least_patches and share >= tuning.least_share * usual:
+                shift = few.shift
                 if shift < tuning.restless * track.model.residual:
                     return self._agreeing(track, track.model, share, shift, age)
         evidence, share, _ = placed(track.model, measured, colors, where, tuning.rounds)

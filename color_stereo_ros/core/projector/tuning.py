@@ -322,7 +322,7 @@ class TrackTuning(Constants):
     most_sites: int = constant(
         150, '1', 'Largest number of patches, about.', derived('Bounds the time to 2 ms.'))
     watched: int = constant(
-        45, '1', 'Patches that decide whether all are needed, about.',
+        45, '1', 'Patches that decide whether all are needed.',
         derived('Their median is known to a fifth of the error of one.'))
     rounds: int = constant(
         3, '1', 'Steps of a patch.', chosen('They begin near their places.'))

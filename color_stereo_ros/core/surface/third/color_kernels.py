@@ -20,11 +20,13 @@ import numpy as np
 
 from .tuning import TUNING
 from ..grid_kernels import F4, FAST
-from ...compiled import band, banded, part, serial
+from ...compiled import band, banded, LENGTH, part, serial, stack_row
 
 F8 = np.float64
 ROOT3 = F4(math.sqrt(3.0))
 # Constants of `tuning`, compiled into the kernels.
+MOST_RADIUS = max(radius // thin for radius, thin in zip(TUNING.color.radii,
+                                                         TUNING.color.thinnings))
 ROBUST_MISFIT = F4(TUNING.color.robust_misfit)
 
 
@@ -38,6 +40,15 @@ def exponential(x):
     power *= power
     power *= power
     return power * power
+
+
+@part(fastmath=FAST)
+def logarithm(x):
+    """Return log(x), .005 < x < 200, to 1e-4: 8 log(x^(1/8)), by the series of artanh."""
+    root = math.sqrt(math.sqrt(math.sqrt(x)))
+    z = (root - F4(1)) / (root + F4(1))
+    q = z * z
+    return F4(16) * z * (F4(1) + q * (F4(1 / 3) + q * (F4(1 / 5) + q * F4(1 / 7))))
 
 
 @serial(fastmath=FAST)
@@ -128,6 +139,42 @@ def color_slopes(k, u, v, variance, light, known, colors, change, sums):
             sums[6, row, column] = w * (red_u * error_u + red_v * error_v)
             sums[7, row, column] = w * (blue_u * error_u + blue_v * error_v)
             sums[8, row, column] = w * (own_u * error_u + own_v * error_v)
+
+
+@banded(fastmath=FAST)
+def window_means(k, planes, radius, out):
+    """
+    Write means over windows, 2 radius + 1 nodes wide, of planes, float32 (N, h, w).
+
+    What lies outside counts as 0. The radius is at most MOST_RADIUS.
+
+    """
+    count, rows, columns = planes.shape
+    first, last = band(k, rows)
+    side = 2 * radius + 1
+    share = F4(1) / F4(side * side)
+    sums, length = stack_row(), LENGTH - 2 * MOST_RADIUS
+    for plane in range(count):
+        for row in range(first, last):
+            for start in range(0, columns, length):
+                size = min(length, columns - start)
+                left = max(start - radius, 0)
+                width, shift = min(start + size + radius, columns) - left, left - start + radius
+                for x in range(size + 2 * radius):
+                    sums[x] = F4(0)
+                for y in range(max(row - radius, 0), min(row + radius + 1, rows)):
+                    told, into = planes[plane, y, left:left + width], sums[shift:shift + width]
+                    for x in range(width):
+                        into[x] += told[x]
+                mean = out[plane, row, start:start + size]
+                for x in range(size):
+                    mean[x] = sums[x]
+                for i in range(1, side):
+                    beside = sums[i:i + size]
+                    for x in range(size):
+                        mean[x] += beside[x]
+                for x in range(size):
+                    mean[x] *= share
 
 
 @banded(fastmath=FAST)

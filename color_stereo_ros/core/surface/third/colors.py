@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from .color_kernels import (
-    color_equations, color_errors, color_slopes, mixed_errors, solve_changes)
+    color_equations, color_errors, color_slopes, mixed_errors, solve_changes, window_means)
 from .tuning import TUNING
 
 F4 = np.float32
@@ -136,11 +136,19 @@ def local_light(u, v, light, colors, variance, known):
     """
     tuning = TUNING.color
     change, error = np.zeros((3, *u.shape), F4), np.empty(u.shape, F4)
-    sums, limits = np.empty((9, *u.shape), F4), np.array(tuning.change_limits, F4)
+    sums, means = np.empty((2, 9, *u.shape), F4)
+    limits = np.array(tuning.change_limits, F4)
     for radius, hold, thin in zip(tuning.radii, tuning.holds, tuning.thinnings):
         color_slopes(u, v, variance, light, known, colors, change, sums)
         size = tuple(max(1, count // thin) for count in reversed(u.shape))
-        windows = np.stack([averaged(plane, size, radius // thin) for plane in sums])
+        if thin == 1:
+            window_means(sums, radius, means)
+            solve_changes(means, F4(hold), limits, change)
+            continue
+        thinned = np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
+                            for plane in sums])
+        windows = np.empty_like(thinned)
+        window_means(thinned, radius // thin, windows)
         step = np.stack([resized(plane, size) for plane in change])
         solve_changes(windows, F4(hold), limits, step)
         change = np.stack([resized(plane, u.shape[::-1]) for plane in step])
@@ -152,13 +160,6 @@ def resized(plane, size):
     """Return a smooth plane on a grid of another size (columns, rows)."""
     return plane if plane.shape[::-1] == size else cv2.resize(plane, size,
                                                               interpolation=cv2.INTER_LINEAR)
-
-
-def averaged(plane, size, radius):
-    """Return means over windows of a radius, on a thinner grid of a size (columns, rows)."""
-    if plane.shape[::-1] != size:
-        plane = cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
-    return cv2.blur(plane, (2 * radius + 1,) * 2, borderType=cv2.BORDER_CONSTANT)
 
 
 def warm(shape):

@@ -31,6 +31,24 @@ def any_of(nodes):
     return found
 
 
+@part()
+def follow_row(d, a, b, gate, told_d, told_a, told_b, told_variance, new_d, new_a, new_b,
+               variance):
+    """
+    Give the nodes of a tile row the planes of the row above, told, unless these are far away.
+
+    d, a, b are the planes so far: those farther than the gate, px, stay.
+
+    """
+    for x in range(TILE_COLUMNS):
+        here = told_d[x] + told_b[x]
+        near = abs(here - d[x]) < gate
+        new_d[x] = here if near else d[x]
+        new_a[x] = told_a[x] if near else a[x]
+        new_b[x] = told_b[x] if near else b[x]
+        variance[x] = told_variance[x]
+
+
 @banded()
 def fit_region(k, weight, moment, d, a, b, region, tiles, reach, gate, stride, noise_weight,
                ridge, steepest, reference, new_d, new_a, new_b, variance):
@@ -38,7 +56,8 @@ def fit_region(k, weight, moment, d, a, b, region, tiles, reach, gate, stride, n
     Least-squares planes of the nodes of a region, and of all others of smooth tiles.
 
     As `plane_kernels.fit_planes`. Of tiles that need a gate only the lines that hold nodes of the
-    region, bool framed, are written.
+    region, bool framed, are written. Only every stride-th of these lines is fitted, 1 or 2; the
+    line below takes its planes, see `follow_row`.
 
     """
     first, last = band(k, tiles.shape[0])
@@ -58,7 +77,16 @@ def fit_region(k, weight, moment, d, a, b, region, tiles, reach, gate, stride, n
             smooth_sums(weight, moment, top, left, RADIUS, sums)
         for y in range(top, top + TILE_ROWS):
             if reach[tile] == 0:
-                if not any_of(region[y, left:right]):
+                line = y - (y - top) % stride  # the one that is fitted
+                if not (any_of(region[line, left:right])
+                        | any_of(region[line + stride - 1, left:right])):
+                    continue
+                if y > line:
+                    follow_row(d[y, left:right], a[y, left:right], b[y, left:right], gate,
+                               new_d[line, left:right], new_a[line, left:right],
+                               new_b[line, left:right], variance[line, left:right],
+                               new_d[y, left:right], new_a[y, left:right], new_b[y, left:right],
+                               variance[y, left:right])
                     continue
                 gated_sums(weight, moment, d, a, b, y, left, gate, stride, sums[y - top])
             solve_row(sums[y - top], d[y, left:right], a[y, left:right], b[y, left:right],

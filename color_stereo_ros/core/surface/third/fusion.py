@@ -16,18 +16,17 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from .fusion_kernels import (
-    decide, gather_evidence, PROJECTOR, sort_nodes, spread_planes, weigh_forms)
+    bound_odds, decide, expected_wrong, find_treated, gather_evidence, PROJECTOR, sort_nodes,
+    spread_planes, spread_views, weigh_forms)
 from .sweep_kernels import cells_of_nodes, claim_cells, find_contested
 from .tuning import TUNING
 from ..grid_kernels import F4
 from ..trust import Verdict
 from ..trust_kernels import HOPELESS_ODDS as HOPELESS
 from ...status import Status
-from ...status_codes import VALID
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +43,9 @@ class Fused:
 
     def views_of(self, status):
         """Return `Measurement.views` at the pixels of a status image."""
-        height, width = status.shape
-        nodes = self.views[self.planes.grid.inner]
-        pixels = cv2.resize(nodes, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
-        rows, columns = pixels.shape
-        if (rows, columns) != (height, width):  # the last pixels have no node of their own
-            pixels = cv2.copyMakeBorder(pixels, 0, height - rows, 0, width - columns,
-                                        cv2.BORDER_REPLICATE)
-        return np.multiply(pixels, status == VALID, out=pixels)
+        pixels = np.empty_like(status)
+        spread_views(self.views, status, pixels)
+        return pixels
 
 
 class FusedPlanes:
@@ -124,9 +118,10 @@ class Fusion:
         self.evidence = np.zeros((len(EVIDENCE), *grid.nodes), F4)
         self.odds, self.third_odds = np.zeros((2, *grid.nodes), F4)
         self.kind, self.only_third = np.zeros((2, *grid.nodes), np.uint8)
-        self.possible = np.zeros(grid.nodes, bool)
+        self.possible, self.treated = np.zeros((2, *grid.nodes), bool)
         self.spread = np.full(grid.shape, np.nan, F4)
         self.cells = np.zeros((2, *grid.nodes), np.int32)
+        self.claims = np.empty((2, 0), F4)
         self.fused = Fused(FusedPlanes(grid, *np.full((3, *grid.shape), np.nan, F4)),
                            Verdict(*np.zeros((2, *grid.shape), F4),
                                    np.zeros(grid.shape, np.uint8)),
@@ -134,23 +129,28 @@ class Fusion:
 
     def inputs(self, found, verdict, planes):
         """Return the Inputs of a pair; see `fuse`."""
-        inner, evidence = self.grid.inner, self.evidence
-        treated = found.treated[inner] & known_planes(found.planes)
-        evidence[1] = self.own_odds(found.planes, found.around, treated)
+        evidence, treated = self.evidence, self.treated
+        find_treated(found.treated, found.planes.d, found.planes.variance, treated)
+        self.own_odds(found.planes, treated)
         sort_nodes(planes.d, found.planes.d, verdict.log_odds, found.witness, found.firm, treated,
-                   evidence, self.kind, self.only_third, self.possible)
+                   found.dim, evidence, self.kind, self.only_third, self.possible, self.odds,
+                   self.third_odds)
         self.write_contested(found, planes)
-        evidence[5] = found.dim
         return Inputs(self.own, evidence, treated, self.kind, self.possible)
 
-    def own_odds(self, planes, around, treated):
-        """Return the log-odds of planes of the third view alone, float32 (rows, columns)."""
-        low, high = TUNING.use.odds_limits
-        gather_evidence(planes.d, planes.a, planes.b, planes.cost, planes.variance, around,
-                        treated, self.own, self.evidence[6:])
-        odds = np.full(treated.shape, low, F4)
+    def own_odds(self, planes, treated):
+        """
+        Return the log-odds of planes of the third view alone, float32 (rows, columns).
+
+        They are `evidence[1]`, and hold for one pair.
+
+        """
+        gather_evidence(planes.d, planes.a, planes.b, planes.cost, planes.variance,
+                        planes.misfit, treated, self.own, self.evidence[6:])
+        odds = self.evidence[1]
         weigh_forms(self.own, treated.view(np.uint8), self.own_form, odds)
-        return np.clip(odds, F4(low), F4(high), out=odds)
+        bound_odds(treated, odds)
+        return odds
 
     def std(self, planes, geometry, share):
         """
@@ -215,7 +215,9 @@ class Fusion:
         use, projected, evidence = TUNING.use, found.projected, self.evidence
         cell = F4(2 * projected.scale * use.cell)
         height, width = (int(count / cell) + 1 for count in projected.size)
-        best, owner = np.empty((2, height * width), F4)
+        if self.claims.size != 2 * height * width:
+            self.claims = np.empty((2, height * width), F4)
+        best, owner = self.claims
         cells = self.cells
         for each, out in zip((planes.d, found.planes.d), cells):
             cells_of_nodes(projected.sweep, each, cell, height, width, out)
@@ -243,8 +245,6 @@ class Fusion:
 
         """
         self.inputs(found, verdict, planes)
-        self.odds[:] = verdict.log_odds[self.grid.inner]
-        self.third_odds.fill(HOPELESS)
         weigh_forms(self.evidence, self.kind, self.two_forms, self.odds)
         weigh_forms(self.evidence, self.only_third, self.third_form, self.third_odds)
         fused, third = self.fused, found.planes
@@ -279,8 +279,5 @@ class Fusion:
         is more, and doubts would only take right ranges away.
 
         """
-        step = TUNING.use.told_step
-        odds = verdict.log_odds[self.grid.inner][::step, ::step]
-        told = odds[odds > 0]
-        wrong = np.mean(1 / (1 + np.exp(told))) if told.size else 0.0
+        wrong = expected_wrong(verdict.log_odds[self.grid.inner], TUNING.use.told_step)
         return F4(np.interp(wrong, self.fading, (1, 0)))

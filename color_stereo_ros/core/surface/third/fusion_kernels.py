@@ -18,9 +18,10 @@ import math
 
 from .tuning import TUNING
 from ..grid_kernels import F4, FAST, PAD
+from ..pixel_kernels import logistic
 from ..trust_kernels import HOPELESS_ODDS
-from ...compiled import band, banded, LENGTH, part, stack_array, stack_row
-from ...status_codes import IMPLAUSIBLE
+from ...compiled import band, banded, LENGTH, part, serial, stack_array, stack_row
+from ...status_codes import IMPLAUSIBLE, VALID
 
 # Constants of `tuning`, compiled into the kernels.
 MISFIT_CAP = F4(TUNING.use.misfit_cap)
@@ -30,6 +31,7 @@ LOWEST, HIGHEST = (F4(limit) for limit in TUNING.use.odds_limits)
 AGREEMENT = F4(TUNING.use.agreement)
 KEPT_ODDS = F4(TUNING.use.kept_odds)
 SURE_ODDS = F4(TUNING.use.sure_odds)
+INFINITE = F4(math.inf)
 MOST_EVIDENCE = 8
 stack_evidence = stack_array(F4, MOST_EVIDENCE, LENGTH)
 NOTHING, AGREE, FIRM, APART = range(4)  # kinds of nodes, see `fusion.Inputs`
@@ -86,10 +88,10 @@ def gather_evidence(k, d, a, b, cost, variance, misfit, treated, own, steps):
     Write what tells how far planes of the third view can be trusted, at treated nodes.
 
     own, float32 (4, rows, columns): square roots of the cost of the best shifted window, of the
-    mean misfit of 3 x 3 nodes, of the standard deviation (px), and of the mean distance of the
-    four neighbors from the plane (px). steps, float32 (2, rows, columns), at all nodes: square
-    roots of how far, px, the nearest and the farthest of the neighbors lie before and behind the
-    plane. All planes and misfits are framed.
+    mean misfit of 3 x 3 nodes, each capped, of the standard deviation (px), and of the mean
+    distance of the four neighbors from the plane (px). steps, float32 (2, rows, columns), at all
+    nodes: square roots of how far, px, the nearest and the farthest of the neighbors lie before
+    and behind the plane. All planes and misfits are framed.
 
     """
     rows, columns = treated.shape
@@ -110,7 +112,11 @@ def gather_evidence(k, d, a, b, cost, variance, misfit, treated, own, steps):
             if treated[row, column]:
                 mean = F4(0.25) * (abs(right) + abs(left) + abs(below) + abs(above))
                 own[0, row, column] = math.sqrt(min(cost[y, x], MISFIT_CAP))
-                own[1, row, column] = math.sqrt(min(misfit[y, x], MISFIT_CAP))
+                total = F4(0)
+                for j in range(y - 1, y + 2):
+                    for i in range(x - 1, x + 2):
+                        total += misfit[j, i] if misfit[j, i] < MISFIT_CAP else MISFIT_CAP
+                own[1, row, column] = math.sqrt(F4(1 / 9) * total)
                 own[2, row, column] = math.sqrt(math.sqrt(min(variance[y, x], VARIANCE_CAP)))
                 own[3, row, column] = math.sqrt(mean)
 
@@ -158,16 +164,84 @@ def weigh_forms(k, evidence, kind, forms, out):
                         result[x] = total[x]
 
 
+@banded()
+def find_treated(k, region, d, variance, treated):
+    """
+    Write which nodes of a region have a plane and a variance.
+
+    treated, bool (rows, columns); all others are framed: region bool, d and variance float32.
+
+    """
+    rows, columns = treated.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        y, out = row + PAD, treated[row]
+        inside, here = region[y, PAD:PAD + columns], d[y, PAD:PAD + columns]
+        spread = variance[y, PAD:PAD + columns]
+        for x in range(columns):
+            out[x] = inside[x] & (abs(here[x]) < INFINITE) & (abs(spread[x]) < INFINITE)
+
+
 @banded(fastmath=FAST)
-def sort_nodes(k, two_d, third_d, odds, witness, firm, treated, evidence, kind, only_third,
-               possible):
+def bound_odds(k, treated, odds):
+    """Keep log-odds, float32 (rows, columns), within their limits; lowest where not treated."""
+    rows, columns = odds.shape
+    first, last = band(k, rows)
+    for row in range(first, last):
+        there, out = treated[row], odds[row]
+        for x in range(columns):
+            value = min(max(out[x], LOWEST), HIGHEST)
+            out[x] = value if there[x] else LOWEST
+
+
+@serial(fastmath=FAST)
+def expected_wrong(odds, step):
+    """Return which share of the nodes of positive log-odds is wrong, from every step-th node."""
+    rows, columns = odds.shape
+    count, wrong = F4(0), F4(0)
+    for row in range(0, rows, step):
+        for column in range(0, columns, step):
+            told = odds[row, column]
+            if told > F4(0):
+                count += F4(1)
+                wrong += logistic(-told)
+    return wrong / max(count, F4(1))
+
+
+@banded()
+def spread_views(k, views, status, out):
+    """
+    Write who saw every pixel, uint8 (H, W), from who saw its node; 0 where there is no range.
+
+    views, uint8, is framed; status, uint8 (H, W). Pixels after the last whole node take the
+    nearest one.
+
+    """
+    height, width = status.shape
+    rows, columns = height // 2, width // 2
+    first, last = band(k, height)
+    for v in range(first, last):
+        y = PAD + min(v // 2, rows - 1)
+        nodes, codes, told = views[y, PAD:PAD + columns], status[v], out[v]
+        for x in range(columns):
+            told[2 * x] = nodes[x] if codes[2 * x] == VALID else 0
+            told[2 * x + 1] = nodes[x] if codes[2 * x + 1] == VALID else 0
+        if width > 2 * columns:
+            told[width - 1] = nodes[columns - 1] if codes[width - 1] == VALID else 0
+
+
+@banded(fastmath=FAST)
+def sort_nodes(k, two_d, third_d, odds, witness, firm, treated, dim, evidence, kind, only_third,
+               possible, own_odds, third_odds):
     """
     Write of which kind nodes are, and what two cameras and witness say of them.
 
     two_d, third_d, odds, witness float32 and firm bool are framed, all others are not: treated
     bool; kind uint8, see `fusion.Inputs`; only_third uint8, 1 where the third view has a plane and
     does not agree; possible bool, the two cameras may have a range; evidence[0] takes the bounded
-    log-odds of two cameras, evidence[2] the square root of the misfit of the witness.
+    log-odds of two cameras, evidence[2] the square root of the misfit of the witness, evidence[5]
+    dim, float32 (rows, columns). own_odds and third_odds, float32 (rows, columns), take what holds
+    where no form does: the log-odds of two cameras, and none.
 
     """
     rows, columns = treated.shape
@@ -187,6 +261,8 @@ def sort_nodes(k, two_d, third_d, odds, witness, firm, treated, evidence, kind, 
             kind[row, column] = which
             only_third[row, column] = 1 if told & (which == APART) else 0
             possible[row, column] = may
+            evidence[5, row, column] = dim[row, column]
+            own_odds[row, column], third_odds[row, column] = two, HOPELESS_ODDS
 
 
 @banded(fastmath=FAST)

@@ -21,7 +21,8 @@ import cv2
 import numpy as np
 
 from .sweep import (
-    geometry_variance, magnification, packed, places_per_disparity, straightened, sweep_matrix)
+    geometry_variance, lens_change, magnification, packed, places_per_disparity, straightened,
+    sweep_matrix)
 from .tuning import TUNING
 from ..grid_kernels import F4
 from ...projector.blurring import bands
@@ -58,7 +59,7 @@ class Projected:
     Attributes
     ----------
     sweep : numpy.ndarray, float32, shape (3, 4)
-        See `sweep.sweep_matrix`.
+        See `sweep.sweep_matrix`; to places of the images, see `sweep.lens_change`.
     size : numpy.ndarray, int64, shape (2,)
         Height and width of the pattern, px.
     scale : float
@@ -86,7 +87,8 @@ class Projected:
             return self
         other = copy(self)
         other.spreads = {}
-        other.model, other.sweep = model, sweep_matrix(model, geometry).astype(F4)
+        change, _ = lens_change(model, self.lens)
+        other.model, other.sweep = model, (change @ sweep_matrix(model, geometry)).astype(F4)
         return other
 
     def spread(self, geometry, d, nodes):

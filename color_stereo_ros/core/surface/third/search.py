@@ -79,8 +79,8 @@ class SweepSearch:
         known : numpy.ndarray, float32, shape (h, w)
             Disparity that stereo knows, px; NaN = unknown.
         wanted : numpy.ndarray, bool, shape (h, w)
-            Coarse nodes that are searched; all others keep what is known, or take the disparities
-            of those around.
+            Unknown coarse nodes that are searched; all others keep what is known, or take the
+            disparities of those around.
         sweep : numpy.ndarray, float32, shape (3, 4)
             To the pixels of this image.
 
@@ -95,7 +95,7 @@ class SweepSearch:
         cap, neutral = coarse.costs
         center = F4((self.step - 1) / 2)
         known = (known - F4(self.first)) / F4(self.spacing)
-        needed = needed_nodes(wanted & np.isnan(known))
+        needed = needed_nodes(wanted)
         sweep_costs(left[0], left[1], left[3] * wanted, pattern.coarse_image,
                     F4(1 / pattern.thin), size, colors, light, known, needed, sweep, center,
                     F4(self.step), F4(self.first), F4(self.spacing), coarse.scale, cap,

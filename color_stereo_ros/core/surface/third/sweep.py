@@ -146,7 +146,7 @@ def prepared_for(model, prepared, geometry, limits):
         return model
     if prepared is None or prepared.size != model.size:
         return model
-    if distortion_apart(model, prepared) > tuning.prepared_places:
+    if lens_change(model, prepared)[1] > tuning.prepared_places:
         return model
     middle = float(np.mean(limits))
     sweeps = [sweep_matrix(each, geometry) for each in (model, prepared)]
@@ -157,18 +157,40 @@ def prepared_for(model, prepared, geometry, limits):
     return prepared
 
 
-def distortion_apart(one, other):
-    """Return by how much two lenses move the places of the pattern differently at most, px."""
-    width, height = one.size
-    u, v = np.meshgrid(np.linspace(0, width - 1, 5), np.linspace(0, height - 1, 5))
-    pixels = np.stack([u, v, np.ones_like(u)], axis=-1)
+def lens_change(model, prepared):
+    """
+    Return what takes places of one projector to the images of the pattern made for another one.
 
-    def moved(model):
-        rays = pixels @ np.linalg.inv(model.camera_matrix).T
-        stretch = model.distortion * (rays[..., :1] ** 2 + rays[..., 1:2] ** 2)
-        return (stretch * rays)[..., :2] @ model.camera_matrix[:2, :2].T
+    An image that was straightened for one lens shows the light of a slightly different lens almost
+    at an affine map of its places: a change of k1 is mostly one of scale.
 
-    return float(np.abs(moved(one) - moved(other)).max())
+    Parameters
+    ----------
+    model, prepared : ProjectorModel
+        Of the places, and of the images.
+
+    Returns
+    -------
+    change : numpy.ndarray, float64, shape (3, 3)
+        Of homogeneous places, px of the pattern.
+    apart : float
+        By how much this is off at most, px.
+
+    """
+    (width, height), count = model.size, TUNING.sweep.lens_samples
+    u, v = np.meshgrid(np.linspace(0, width - 1, count), np.linspace(0, height - 1, count))
+    pixels = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3)
+
+    def moved(lens):
+        rays = pixels @ np.linalg.inv(lens.camera_matrix).T
+        stretch = lens.distortion * (rays[:, :1] ** 2 + rays[:, 1:2] ** 2)
+        return (stretch * rays)[:, :2] @ lens.camera_matrix[:2, :2].T
+
+    away = moved(model) - moved(prepared)
+    fitted = np.linalg.lstsq(pixels, away)[0]
+    change = np.eye(3)
+    change[:2] += fitted.T
+    return change, float(np.abs(away - pixels @ fitted).max())
 
 
 def geometry_variance(model, geometry, d):

@@ -330,17 +330,18 @@ def linearize_sweep(k, nodes, told, flat, size, colors, sweep, d, robust_misfit,
 
 
 @banded(fastmath=FAST)
-def sweep_misfits(k, nodes, told, flat, size, colors, sweep, d, a, b, step_y, step_x, width,
-                  phase, cap, out):
+def sweep_misfits(k, nodes, told, flat, size, colors, sweep, d, a, b, steps, width, phase, cap,
+                  out):
     """
-    Write the misfit of every listed node under the plane of the node (step_y, step_x) away.
+    Write the misfits of all listed nodes under the planes of nodes around, float32 (M, N).
 
-    At most cap, which also stands for what is unknown. nodes and told as `list_nodes` writes them;
-    d, a, b and out are flat, of rows of a width.
+    steps, int64 (M, 2): how many rows below and columns to the right these nodes lie. At most cap,
+    which also stands for what is unknown. nodes and told as `list_nodes` writes them; d, a and b
+    are flat, of rows of a width. Planes of neighbors lead to places nearby: the pattern is read
+    once.
 
     """
     m, c = numbers(sweep), numbers(colors)
-    shift, along, down = step_y * width + step_x, F4(step_x), F4(step_y)
     own_u, own_v, noises = stack_row(), stack_row(), stack_row()
     xs, ys, ds, red, blue, gray = (stack_row(), stack_row(), stack_row(), stack_row(), stack_row(),
                                    stack_row())
@@ -351,18 +352,51 @@ def sweep_misfits(k, nodes, told, flat, size, colors, sweep, d, a, b, step_y, st
         count = min(LENGTH, nodes.size - start)
         whole = (count + 7) & ~7
         read_block(told, start, count, xs, ys, own_u, own_v, noises, red, blue, gray)
+        for which in range(steps.shape[0]):
+            shift = steps[which, 0] * width + steps[which, 1]
+            down, along = F4(steps[which, 0]), F4(steps[which, 1])
+            for n in range(count):
+                at = nodes[start + n] + shift
+                ds[n] = d[at] - a[at] * along - b[at] * down
+            see(flat, size, m, c, MARGIN, whole, xs, ys, ds, red, blue, gray, color_u, color_v,
+                slope_u, slope_v)
+            misfits = out[which, start:start + count]
+            for n in range(count):
+                error_u, error_v = own_u[n] - color_u[n], own_v[n] - color_v[n]
+                steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
+                chi = (error_u * error_u + error_v * error_v) / (noises[n] + phase * steep)
+                ds[n] = chi if chi < cap else cap
+            for n in range(count):
+                misfits[n] = ds[n]
+
+
+@banded()
+def put_nodes(k, nodes, values, out):
+    """Write the values of listed nodes, (N,), to their places in a flat array."""
+    first, last = band(k, nodes.size)
+    for n in range(first, last):
+        out[nodes[n]] = values[n]
+
+
+@serial()
+def shorten_list(nodes, told, wanted, some, some_told):
+    """
+    List those of listed nodes that are wanted, bool flat; return how many there are.
+
+    nodes and told as in `list_nodes`. some takes the places, and some_told, flat, what is told of
+    them, one kind after the other.
+
+    """
+    count = 0
+    for n in range(nodes.size):
+        if wanted[nodes[n]]:
+            some[count] = nodes[n]
+            some_told[count] = F4(n)  # for now
+            count += 1
+    for i in range(told.shape[0] - 1, -1, -1):
         for n in range(count):
-            at = nodes[start + n] + shift
-            ds[n] = d[at] - a[at] * along - b[at] * down
-        see(flat, size, m, c, MARGIN, whole, xs, ys, ds, red, blue, gray, color_u, color_v,
-            slope_u, slope_v)
-        for n in range(count):
-            error_u, error_v = own_u[n] - color_u[n], own_v[n] - color_v[n]
-            steep = slope_u[n] * slope_u[n] + slope_v[n] * slope_v[n]
-            chi = (error_u * error_u + error_v * error_v) / (noises[n] + phase * steep)
-            own_u[n] = chi if chi < cap else cap
-        for n in range(count):
-            out[nodes[start + n]] = own_u[n]
+            some_told[i * count + n] = told[i, I4(some_told[n])]
+    return count
 
 
 @banded(fastmath=FAST)
@@ -510,11 +544,12 @@ def take_best(k, d, a, b, step, costs, best, wanted, new_d, new_a, new_b):
 
 
 @banded()
-def seed_unknown(k, coarse, known, factor, rows, columns, d, a, b):
+def seed_unknown(k, coarse, whole, factor, rows, columns, d, a, b):
     """
-    Give nodes the plane of their coarse node, but not where two cameras know the coarse node.
+    Give nodes the plane of their coarse node, but not where all nodes of it are firm.
 
-    As `coarse_kernels.seed_planes`; known, float32 (h, w), is NaN where they do not.
+    As `coarse_kernels.seed_planes`; whole, bool (h, w), as
+    `region_kernels.reduce_firm` writes it.
 
     """
     coarse_rows, coarse_columns = coarse.shape
@@ -525,7 +560,7 @@ def seed_unknown(k, coarse, known, factor, rows, columns, d, a, b):
         off_y = F4(y - cy * factor) - center
         for cx in range(coarse_columns):
             edge = (cx == coarse_columns - 1) | (cy == coarse_rows - 1)
-            if known[cy, cx] == known[cy, cx] and not edge:
+            if whole[cy, cx] and not edge:
                 continue
             here = coarse[cy, cx]
             slope_x = F4(2) * smaller_step(coarse[cy, max(cx - 1, 0)], here,
@@ -556,11 +591,12 @@ def choose_known(there, known, otherwise, out):
 
 @banded()
 def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, known_moment, cap,
-                 d, a, b, weight, moment, misfit, cost):
+                 d, a, b, weight, moment, misfit):
     """
     Give firm nodes what two cameras know of them, and let all others know nothing but their plane.
 
-    All arrays are framed. told_misfit is what the pattern says of the planes of two cameras.
+    All arrays are framed. told_misfit is what the pattern says of the planes of two cameras; the
+    misfit of all others is the cap.
 
     """
     first, last = band(k, firm.shape[0])
@@ -571,8 +607,7 @@ def anchor_nodes(k, firm, told_misfit, known_d, known_a, known_b, known_weight, 
         anchor_row(there, known_b[y], b[y])
         choose_known(there, known_weight[y], F4(0), weight[y])
         choose_known(there, known_moment[y], F4(0), moment[y])
-        choose_known(there, told, NAN, misfit[y])
-        choose_known(there, told, cap, cost[y])
+        choose_known(there, told, cap, misfit[y])
 
 
 @banded(fastmath=FAST)
@@ -618,7 +653,7 @@ def sweep_costs(k, left_u, left_v, trust, thin, share, size, colors, light, know
                     light[2, row, column] * scale)
             for start in range(0, depth, LENGTH):
                 count = min(LENGTH, depth - start)
-                whole = (count + 7) & ~7  # vectors of 8
+                whole = (count + 15) & ~15  # vectors of up to 16
                 see_along(thin, share, size, m, c, offset + step * F4(column),
                           offset + step * F4(row), told, first_disparity + F4(start) * spacing,
                           spacing, whole, color_u, color_v)

@@ -15,6 +15,7 @@
 """The pattern as a view: measures where the right camera sees nothing, and bears witness."""
 
 from dataclasses import dataclass
+import math
 
 import cv2
 import numpy as np
@@ -24,19 +25,22 @@ from .colors import (
 from .fitting import RegionSquares
 from .fusion import Fusion, known_planes
 from .projected import Projected
+from .region_kernels import find_known, find_region, reduce_firm, tiles_with
 from .search import SweepSearch
 from .sweep_kernels import (
     anchor_nodes, around_sparse, best_windows, count_nodes, linearize_sweep, list_nodes,
-    places_of_nodes, seed_unknown, sparse_misfits, sweep_misfits, take_best)
+    places_of_nodes, put_nodes, seed_unknown, shorten_list, sparse_misfits, sweep_misfits,
+    take_best)
 from .tuning import TUNING
-from ..grid_kernels import F4, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS
+from ..grid_kernels import F4, SILENT_VARIANCE
 from ..pair_model import PairModel
 from ..planes import PlaneField
 from ...compiled import Arena
 from ...projector.model import COUNT, ProjectorModel
 
 WARM = 8, 8  # size of a pattern that nobody sees, px
-NEIGHBORS = (0, -1), (0, 1), (-1, 0), (1, 0)
+NEIGHBORS = np.array([(0, -1), (0, 1), (-1, 0), (1, 0)], np.int64)
+HERE = np.zeros_like(NEIGHBORS[:1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +55,6 @@ class Found:
     """float32, mean misfit of the third view around a node at the place of the two cameras."""
     treated: np.ndarray
     """bool, planes hold a measurement of the third view."""
-    around: np.ndarray
-    """float32, mean misfit of the third view around a node at its own plane."""
     geometry: np.ndarray
     """float32 (rows, columns), variance of the disparity by the projector's geometry, px^2."""
     dim: np.ndarray
@@ -93,6 +95,12 @@ class NodeList:
                    light.scale, self.nodes, self.told)
         return self
 
+    def shorten(self, listed, wanted):
+        """List those of a NodeList that are wanted, bool framed; return self."""
+        self.take(shorten_list(listed.nodes, listed.told, wanted.reshape(-1), self.all_nodes,
+                               self.all_told))
+        return self
+
 
 class ThirdView:
     """
@@ -117,10 +125,12 @@ class ThirdView:
         self.seen.fill(TUNING.use.misfit_cap)
         self.solver = RegionSquares(grid, method.limits, method.settings.matching,
                                     method.tuning.planes, arena)
-        self.cost = arena.zeros(grid.shape, F4)
         self.costs = arena.zeros((len(NEIGHBORS), *grid.shape), F4)
         self.local = np.ones((4, *grid.shape), F4)
-        self.lists = tuple(NodeList(grid, arena) for _ in range(2))
+        self.firm, self.region = (arena.zeros(grid.shape, bool) for _ in range(2))
+        self.dimness = arena.zeros(grid.nodes, F4)
+        self.listed, self.few = (NodeList(grid, arena) for _ in range(2))
+        self.tried = arena.zeros((len(NEIGHBORS) * self.seen.size,), F4)
         self.sparse = arena.zeros(tuple(count // 2 + 1 for count in grid.nodes), F4)
         self.projected = self.prepared = self.search = self.found = self.last_light = None
         self.fusion = Fusion(grid)
@@ -177,23 +187,20 @@ class ThirdView:
             None: the pattern does not explain what the left camera sees.
 
         """
-        use, inner = TUNING.use, self.grid.inner
-        known = verdict.log_odds[inner] > F4(use.firm_odds)
-        light = self.light(planes, known)
+        use, (rows, columns), firm, region = TUNING.use, self.grid.nodes, self.firm, self.region
+        light = self.light(planes, verdict.log_odds[self.grid.inner])
         if light is None:
             return None
         witness = self.witness(planes, light)
-        firm = np.zeros(self.grid.shape, bool)
-        firm[inner] = known & (witness[inner] < F4(use.firm_misfit))
-        if np.count_nonzero(firm) < use.least_agreement * np.count_nonzero(known):
+        counts = np.empty((rows, 2), F4)
+        find_known(verdict.log_odds, witness, columns, F4(use.firm_odds), F4(use.firm_misfit),
+                   firm, counts)
+        some, agreeing = counts.sum(axis=0)
+        if agreeing < use.least_agreement * some:
             return None
-        dim = self.dim(firm)
-        lit = self.lit()
-        lit[inner] &= dim < F4(use.shadow_dim)
-        region = lit & ~firm
+        dim = self.dim(firm, region)
         self.fill(planes, firm, witness, light, linearized, pair, region)
-        return Found(self.planes, firm, witness, region,
-                     self.around(self.planes.misfit), self.geometry_variance(), dim,
+        return Found(self.planes, firm, witness, region, self.geometry_variance(), dim,
                      self.projected)
 
     def witness(self, planes, light):
@@ -205,18 +212,20 @@ class ThirdView:
         around_sparse(self.sparse, *self.grid.nodes, self.seen)
         return self.seen
 
-    def listed(self, which, region, light):
-        """Return the NodeList of a region whose color says something; which: 0 or 1."""
-        return self.lists[which].fill(region, self.views.left, light)
+    def misfits(self, planes, light, steps, listed):
+        """
+        Return the misfits of listed nodes under planes of nodes around, float32 (M, N).
 
-    def misfits(self, planes, light, step_y, step_x, listed, out):
-        """Write the misfits of listed nodes under planes of neighbors; see `sweep_misfits`."""
-        projected = self.projected
+        steps, int64 (M, 2), see `sweep_misfits`. The array holds until the next call.
+
+        """
+        projected, shape = self.projected, (len(steps), listed.nodes.size)
+        misfits = self.tried[:shape[0] * shape[1]].reshape(shape)
         sweep_misfits(listed.nodes, listed.told, light.pattern.image, projected.size, light.colors,
                       projected.sweep, *(each.reshape(-1) for each in (planes.d, planes.a,
                                                                        planes.b)),
-                      step_y, step_x, self.grid.shape[1], self.phase, F4(TUNING.use.misfit_cap),
-                      out.reshape(-1))
+                      steps, self.grid.shape[1], self.phase, F4(TUNING.use.misfit_cap), misfits)
+        return misfits
 
     def lit(self):
         """Return the nodes whose color says something, bool framed."""
@@ -256,27 +265,40 @@ class ThirdView:
         witness = self.witness(planes, light)
         self.fill(planes, nothing, witness, light, self.solver.linearized,
                   PairModel.neutral(self.views), nothing)
-        around = self.around(self.planes.misfit)
-        self.fusion.fuse(Found(self.planes, nothing, around, nothing, around,
-                               self.geometry_variance(), self.dim(nothing), self.projected),
-                         verdict, planes)
+        find_known(verdict.log_odds, witness, self.grid.columns, F4(0), F4(0), self.firm,
+                   np.empty((self.grid.rows, 2), F4))
+        self.fusion.fuse(Found(self.planes, nothing, witness, nothing,
+                               self.geometry_variance(), self.dim(nothing, self.region),
+                               self.projected), verdict, planes)
         self.projected = self.prepared = self.last_light = None
 
-    def dim(self, firm):
-        """Return the log of how much brighter firm nodes around are, float32 (rows, columns)."""
-        f, (h, w) = self.coarse.factor, self.coarse.disparity.shape
-        thin = np.s_[:h * f:f, :w * f:f]
-        level = cv2.log(np.maximum(self.views.left.s[self.grid.inner], F4(1)))
-        known = firm[self.grid.inner][thin].astype(F4)
-        size = (2 * TUNING.use.dim_radius + 1,) * 2
+    def thin(self):
+        """Return distance, number and slices of the nodes at which the light is measured."""
+        step = TUNING.color.thin * self.coarse.factor
+        h, w = (max(1, count // TUNING.color.thin) for count in self.coarse.disparity.shape)
+        return step, (h, w), np.s_[:h * step:step, :w * step:step]
+
+    def dim(self, firm, region):
+        """
+        Return the log of how much brighter firm nodes around are, float32 (rows, columns).
+
+        Also writes the region, bool framed, see `region_kernels.find_region`.
+
+        """
+        use, left, inner = TUNING.use, self.views.left, self.grid.inner
+        _, _, thin = self.thin()
+        level = cv2.log(np.maximum(left.s[inner][thin], F4(1)))
+        known = firm[inner][thin].astype(F4)
+        size = (2 * use.dim_radius + 1,) * 2
         share = cv2.blur(known, size, borderType=cv2.BORDER_CONSTANT)
-        wide = cv2.blur(level[thin] * known, size, borderType=cv2.BORDER_CONSTANT)
-        overall = np.sum(level[thin] * known) / max(np.sum(known), 1)
+        level *= known
+        wide = cv2.blur(level, size, borderType=cv2.BORDER_CONSTANT)
+        overall = np.sum(level) / max(np.sum(known), 1)
         hold = F4(TUNING.color.least_share)
         usual = (wide + hold * F4(overall)) / (share + hold)
-        dim = cv2.resize(usual, self.grid.nodes[::-1])
-        np.subtract(dim, level, out=dim)
-        return np.clip(dim, F4(0), F4(TUNING.use.most_dim), out=dim)
+        find_region(cv2.resize(cv2.exp(-usual), self.grid.nodes[::-1]), left.s, left.variance,
+                    firm, F4(use.shadow_dim), self.dimness, region)
+        return self.dimness
 
     def geometry_variance(self):
         """Return the variance of disparities by the geometry, px^2, float32 (rows, columns)."""
@@ -306,23 +328,26 @@ class ThirdView:
         lit, nothing = self.lit(), np.zeros(grid.shape, bool)
         for _ in range(TUNING.use.alone_rounds):
             self.fill(self.planes, nothing, self.seen, light, self.solver.linearized, pair, lit)
-            around = self.around(self.planes.misfit)
-            odds = self.fusion.own_odds(self.planes, around, known_planes(self.planes))
-            better = self.light(self.planes, odds > F4(TUNING.use.firm_odds))
+            odds = self.fusion.own_odds(self.planes, known_planes(self.planes))
+            better = self.light(self.planes, odds)
             light = light if better is None else better
         return self.fusion.alone(self.planes, odds, self.geometry_variance(), lit, left)
 
-    def light(self, planes, known):
-        """Return the Light that the known nodes show, None where there are too few."""
+    def light(self, planes, odds):
+        """
+        Return the Light that known nodes show, None where there are too few.
+
+        odds, float32 (rows, columns): log-odds of the planes.
+
+        """
         tuning, inner, left = TUNING.color, self.grid.inner, self.views.left
-        step = tuning.thin * self.coarse.factor
-        shape = tuple(max(1, count // tuning.thin) for count in self.coarse.disparity.shape)
+        step, shape, thin = self.thin()
         place = np.empty((2, *shape), F4)
         places_of_nodes(self.projected.sweep, planes.d, step, place)
-        thin = np.s_[:shape[0] * step:step, :shape[1] * step:step]
         u, v, variance = (np.ascontiguousarray(each[inner][thin])
                           for each in (left.u, left.v, left.variance))
-        used = known[thin] & self.projected.inside(*place) & (variance < SILENT_VARIANCE)
+        known = odds[thin] > F4(TUNING.use.firm_odds)
+        used = known & self.projected.inside(*place) & (variance < SILENT_VARIANCE)
         count = np.count_nonzero(used)
         if count * tuning.thin ** 2 < tuning.least_samples:
             return None
@@ -387,34 +412,21 @@ class ThirdView:
         """Return the variance of a place as a variance of the disparity, px^2."""
         return F4(TUNING.use.phase_variance / self.projected.per_disparity ** 2)
 
-    @staticmethod
-    def around(misfit):
-        """Return the mean misfit of 3 x 3 nodes, capped, float32."""
-        cap = F4(TUNING.use.misfit_cap)
-        return cv2.blur(np.fmin(misfit, cap), (3, 3))
-
     def tiles_with(self, nodes):
         """Return the tiles that hold some of the nodes, int32 (N, 2)."""
         tiles = self.grid.tiles
-        sums = nodes[tiles[0, 0]:tiles[-1, 0] + TILE_ROWS, tiles[0, 1]:tiles[-1, 1] + TILE_COLUMNS]
-        count = sums.reshape(sums.shape[0] // TILE_ROWS, TILE_ROWS, -1, TILE_COLUMNS).sum(
-            axis=(1, 3))
-        return np.ascontiguousarray(tiles[count.ravel() > 0])
+        some = np.empty(len(tiles), bool)
+        tiles_with(nodes, tiles, some)
+        return tiles[some]
 
     def fill(self, planes, firm, witness, light, linearized, pair, region):
         """Search and fit the nodes of a region without firm ones; firm nodes anchor them."""
         mine, solver, own = self.planes, self.solver, self.solver.linearized
-        known = self.coarse_known(planes, firm)
-        seeds = self.search.search(
-            light.pattern, self.projected.size, light.colors, self.coarse_light, known,
-            self.coarsened(region) > 0, self.projected.sweep)
-        mine.clear_beyond()
-        seed_unknown(seeds.disparity, known, seeds.factor, *self.grid.nodes, mine.d, mine.a,
-                     mine.b)
+        self.seed(planes, firm, light, region)
         anchor_nodes(firm, witness, planes.d, planes.a, planes.b, linearized.weight,
                      linearized.moment, F4(TUNING.use.misfit_cap), mine.d, mine.a, mine.b,
-                     own.weight, own.moment, mine.misfit, self.cost)
-        listed, tiles = self.listed(0, region, light), self.tiles_with(region)
+                     own.weight, own.moment, mine.misfit)
+        listed, tiles = self.listed.fill(region, self.views.left, light), self.tiles_with(region)
         solver.region = region
         for turn, steps in enumerate(TUNING.use.steps):
             for step in steps:
@@ -422,33 +434,34 @@ class ThirdView:
             solver.fit(self.linearize(listed, light), self.views, mine, pair, tiles, turn)
         # the misfit stays that before the last fit
 
+    def seed(self, planes, firm, light, region):
+        """Search the coarse nodes that two cameras do not know, and take their planes."""
+        mine, coarse = self.planes, self.coarse
+        shape, factor = coarse.disparity.shape, coarse.factor
+        known, (wanted, whole) = np.empty(shape, F4), np.empty((2, *shape), bool)
+        least = F4(math.ceil(TUNING.use.known_share * factor ** 2))
+        reduce_firm(firm, region, planes.d, factor, least, known, wanted, whole)
+        seeds = self.search.search(
+            light.pattern, self.projected.size, light.colors, self.coarse_light, known, wanted,
+            self.projected.sweep)
+        mine.clear_beyond()
+        seed_unknown(seeds.disparity, whole, factor, *self.grid.nodes, mine.d, mine.a, mine.b)
+
     def propagate(self, light, listed, region, step):
         """Let the nodes of a region try the planes of their neighbors, unless theirs fits."""
         mine, settled = self.planes, F4(TUNING.use.settled_misfit)
-        self.misfits(mine, light, 0, 0, listed, self.cost)
-        best = mine.cost
-        best_windows(self.cost, region, best)
+        best, cost = mine.cost, mine.misfit.reshape(-1)
+        put_nodes(listed.nodes, self.misfits(mine, light, HERE, listed)[0], cost)
+        best_windows(mine.misfit, region, best)
         open_nodes = (best > settled) & region
         around = cv2.dilate(open_nodes.view(np.uint8), np.ones((5, 5), np.uint8)).view(bool)
-        few = self.listed(1, around & region, light)
-        for (dy, dx), out in zip(NEIGHBORS, self.costs):
-            self.misfits(mine, light, dy * step, dx * step, few, self.cost)
-            best_windows(self.cost, open_nodes, out)
+        few = self.few.shorten(listed, around)
+        for misfits, out in zip(self.misfits(mine, light, step * NEIGHBORS, few), self.costs):
+            put_nodes(few.nodes, misfits, cost)
+            best_windows(mine.misfit, open_nodes, out)
         with mine.rewriting(keep_unwritten=False) as (old, new):
             take_best(old.d, old.a, old.b, step, self.costs, best, open_nodes, new.d, new.a,
                       new.b)
-
-    def coarsened(self, nodes):
-        """Return the means of coarse nodes, float32 (h, w), of numbers of nodes, framed."""
-        (h, w), f = self.coarse.disparity.shape, self.coarse.factor
-        area = np.ascontiguousarray(nodes[self.grid.inner][:h * f, :w * f], F4)
-        return cv2.resize(area, (w, h), interpolation=cv2.INTER_AREA)
-
-    def coarse_known(self, planes, firm):
-        """Return the disparity of the coarse nodes that are firm, px, float32; NaN elsewhere."""
-        share = self.coarsened(firm)
-        # where any node is not firm the mean does not count
-        return np.where(share > F4(TUNING.use.whole_share), self.coarsened(planes.d), F4(np.nan))
 
 
 def some_projector(geometry):
