@@ -19,14 +19,24 @@ import math
 import numpy as np
 
 
-def model(values, x, y):
+def profile(away, blur):
+    """Return an edge from -1 to 1: a Gaussian lens before pixels 1 px wide."""
+    def integral(x):
+        return (x * math.erf(x / math.sqrt(2) / blur)
+                + blur * math.sqrt(2 / math.pi) * math.exp(-0.5 * (x / blur) ** 2))
+
+    return integral(away + 0.5) - integral(away - 0.5)
+
+
+def model(values, x, y, bends=(0.0, 0.0)):
     """Return the gray value of two crossing blurred edges at one pixel."""
     cx, cy, angle_1, angle_2, log_1, log_2, height, level, shade_x, shade_y = values
     dx, dy = x - cx, y - cy
-    away_1 = math.cos(angle_1) * dy - math.sin(angle_1) * dx
-    away_2 = math.cos(angle_2) * dy - math.sin(angle_2) * dx
-    edges = (math.erf(away_1 / math.sqrt(2) / math.exp(log_1))
-             * math.erf(away_2 / math.sqrt(2) / math.exp(log_2)))
+    edges = 1.0
+    for angle, log, bend in ((angle_1, log_1, bends[0]), (angle_2, log_2, bends[1])):
+        along = math.cos(angle) * dx + math.sin(angle) * dy
+        away = math.cos(angle) * dy - math.sin(angle) * dx - bend / 2 * along ** 2
+        edges *= profile(away, math.exp(log))
     return (1 + (shade_x * dx + shade_y * dy) / 10) * (level + height * edges)
 
 
@@ -48,28 +58,29 @@ def window(gray, middle, inverse, reach, gap, guard, black, largest):
     return [list(each) for each in zip(*found)]
 
 
-def differentiated(values, x, y):
+def differentiated(values, x, y, bends=(0.0, 0.0)):
     """Return the derivatives of `model` at one pixel by central differences."""
     steps = 1e-5 * np.eye(10)
-    return np.array([(model(values + step, x, y) - model(values - step, x, y)) / 2e-5
+    return np.array([(model(values + step, x, y, bends) - model(values - step, x, y, bends)) / 2e-5
                      for step in steps])
 
 
-def fitted(start, window_pixels, rounds=60):
+def fitted(start, window_pixels, bends=(0.0, 0.0), rounds=60):
     """Return the parameters of the best fit by damped steps of Gauss and Newton."""
     columns, rows, seen = window_pixels
     values, damping = np.array(start, np.float64), 1e-2
 
     def residuals(these):
-        return np.array([value - model(these, x, y) for x, y, value in zip(columns, rows, seen)])
+        return np.array([value - model(these, x, y, bends)
+                         for x, y, value in zip(columns, rows, seen)])
 
     for _ in range(rounds):
-        jacobian = np.array([differentiated(values, x, y) for x, y in zip(columns, rows)])
+        jacobian = np.array([differentiated(values, x, y, bends) for x, y in zip(columns, rows)])
         here = residuals(values)
         normal = jacobian.T @ jacobian
         trial = values + np.linalg.solve(normal + damping * np.diag(np.diag(normal)),
                                          jacobian.T @ here)
-        trial[4:6] = np.clip(trial[4:6], math.log(0.25), math.log(8))
+        trial[4:6] = np.clip(trial[4:6], math.log(0.1), math.log(8))
         if (residuals(trial) ** 2).sum() < (here ** 2).sum():
             values, damping = trial, max(damping / 10, 1e-9)
         else:
@@ -77,31 +88,49 @@ def fitted(start, window_pixels, rounds=60):
     return values
 
 
-def variance(values, window_pixels, lag=5):
-    """Return the mean variance of both coordinates, neighbors' residuals counted as related."""
+def related(apart):
+    """Return how much pixels count together whose places differ by so many columns and rows."""
+    return np.prod(np.clip((6 - np.abs(apart)) / 4, 0, 1), axis=-1)
+
+
+def spread(values, window_pixels, bends=(0.0, 0.0)):
+    """Return what a corner's variance is made of, see corner_kernels.spread; dense matrices."""
     columns, rows, seen = window_pixels
-    jacobian = np.array([differentiated(values, x, y) for x, y in zip(columns, rows)])
-    residual = np.array([value - model(values, x, y) for x, y, value in zip(columns, rows, seen)])
-    influence = (jacobian @ np.linalg.inv(jacobian.T @ jacobian))[:, :2] * residual[:, None]
-    at = dict(zip(zip(columns, rows), influence))
-    twice = np.floor(2 * (values[:2] - (columns[0], rows[0])) + 0.5).astype(int)
-    twice += 2 * np.array([columns[0], rows[0]])
-    # A pixel outside of the window may lie opposite to one inside.
-    places = {*at, *((twice[0] - x, twice[1] - y) for x, y in at)}
-    zero = np.zeros(2)
-    folded = {(x, y): at.get((x, y), zero) + at.get((twice[0] - x, twice[1] - y), zero)
-              for x, y in places}
-    total = 0.0
-    for (x, y), push in folded.items():
-        for j in range(-lag, lag + 1):
-            for i in range(-lag, lag + 1):
-                weight = (1 - abs(i) / (lag + 1)) * (1 - abs(j) / (lag + 1))
-                total += weight * push @ folded.get((x + i, y + j), zero)
-    return total / 4 * len(seen) / (len(seen) - 10)
+    jacobian = np.array([differentiated(values, x, y, bends) for x, y in zip(columns, rows)])
+    residual = np.array([value - model(values, x, y, bends)
+                         for x, y, value in zip(columns, rows, seen)])
+    places = np.column_stack([columns, rows]).astype(float)
+    # Each pixel, and four beside the one opposite to it
+    mirrored = 2 * values[:2] - places
+    corners = np.floor(mirrored)[:, None] + np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
+    shares = np.prod(1 - np.abs(mirrored[:, None] - corners), axis=2)
+    points = np.concatenate([places, corners.reshape(-1, 2)])
+    weights = np.concatenate([np.ones(len(places)), shares.ravel()])
+    owner = np.concatenate([np.arange(len(places)), np.repeat(np.arange(len(places)), 4)])
+    kernel = np.zeros((len(places), len(places)))
+    near = related(points[:, None] - points[None]) * weights[:, None] * weights[None] / 4
+    np.add.at(kernel, (owner[:, None], owner[None]), near)
+    covariance = np.linalg.inv(jacobian.T @ jacobian)
+    influence = (jacobian @ covariance)[:, :2]
+    basis = np.linalg.qr(jacobian)[0]
+    seen_sum = expected = 0.0
+    for push in influence.T:
+        seen_sum += (push * residual) @ kernel @ (push * residual) / 2
+        alone = 0.5 * (1 + related(2 * (places - values[:2]))) @ push ** 2
+        fitted_away = sum((push * each) @ kernel @ (push * each) for each in basis.T)
+        expected += (alone - fitted_away) / 2
+    return seen_sum, expected, np.trace(covariance[:2, :2]) / 2
 
 
-def board_mean(corners, drawing, border, levels, samples=256):
-    """Return the mean radiance of one pixel, given what its four corners see of the board."""
+def cell_of(corners, i, j, fine):
+    """Return the corners (4, 2) of one of fine x fine cells of a pixel (4, 2)."""
+    shares = [(p / fine, q / fine) for q in (i, i + 1) for p in (j, j + 1)]
+    return np.array([(1 - p) * (1 - q) * corners[0] + p * (1 - q) * corners[1]
+                     + (1 - p) * q * corners[2] + p * q * corners[3] for p, q in shares])
+
+
+def board_mean(corners, drawing, border, levels, samples=64):
+    """Return the mean radiance of one cell, given what its four corners see of the board."""
     total, u, v = 0.0, 0.5, 0.5
     for _ in range(samples // 2):
         u, v = (u + 0.7548776662466927) % 1.0, (v + 0.5698402909980532) % 1.0

@@ -177,9 +177,11 @@ def test_the_pdf_has_the_true_scale(kind):
     board = Board.usual(kind)
     rectangles, _, page = drawn(pdf(board, paper_size('A4')))
     known = 1e3 * board.drawing.rectangles()
-    assert np.abs(rectangles[:, 2:] / known[:, 2:] - 1).max() < 2e-4
+    # The vectors are exact. What a picture of them shows beside it (2.7e-4 along y once) is the
+    # rasterizer, which rounds edges and the size of the page to its dots.
+    assert np.abs(rectangles[:, 2:] / known[:, 2:] - 1).max() < 1e-6
     moved = rectangles[:, :2] - known[:, :2]
-    assert np.abs(moved - moved[0]).max() < 2e-4 * 20
+    assert np.abs(moved - moved[0]).max() < 1e-4
     assert np.allclose(page, (297, 210), atol=1e-3)
     place = layout(board, paper_size('A4'))
     assert np.allclose(moved[0], (place.left, place.top), atol=1e-3)

@@ -31,7 +31,7 @@ BARS = {640: 0.02, 1280: 0.01}
 @pytest.mark.long
 def test_images_calibrate_to_their_bars(effort, figures):
     for width in BARS if effort.full else (640,):
-        seeds = effort.seeds(1, 10 if width == 640 else 4)
+        seeds = effort.seeds(1, 40 if width == 640 else 4)
         found = {name: value for name, (value, _) in summary(
             list(study(KIND, seeds, width))).items()}
         for name, goals in goals_of(width, effort.full).items():

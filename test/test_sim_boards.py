@@ -14,6 +14,8 @@
 # limitations under the License.
 """Exact images of boards: areas, places and bows are those that were asked for."""
 
+import math
+
 from color_stereo_ros.calibration.boards import Board
 from color_stereo_ros.evaluation.corners import facing, rig
 from color_stereo_ros.sim import load_scene, Renderer
@@ -31,8 +33,9 @@ CLEAN = {'bayer': 'none', 'lens_blur': 0.0, 'full_well': 1e7, 'read_noise': 0.0,
          'sensitivity': [1.0, 1.0, 1.0], 'bits': 16}
 
 
+@pytest.mark.parametrize('fine', [1, 3])
 @pytest.mark.parametrize('kind', ['chessboard', 'circles'])
-def test_the_kernel_equals_its_twin(kind):
+def test_the_kernel_equals_its_twin(kind, fine):
     board = Board.usual(kind)
     drawing = board.drawing
     generator = np.random.default_rng(3)
@@ -40,14 +43,32 @@ def test_the_kernel_equals_its_twin(kind):
     grid = np.stack([column + 0.3 * row, row], axis=2) + generator.normal(0, 2e-4, (13, 17, 2))
     grid += 0.02 - 0.035 * (generator.random(2) < 0.5)
     grid[0, 0] = np.nan
-    image, levels = np.empty((12, 16)), np.array([0.1, 0.9, 0.4])
+    image = np.empty((12 * fine, 16 * fine), np.float32)
+    levels = np.array([0.1, 0.9, 0.4])
     board_means(grid, drawing.x, drawing.y, drawing.dark, drawing.disks, 0.01, levels, image)
-    for v in range(12):
-        for u in range(16):
-            corners = grid[v:v + 2, u:u + 2].reshape(4, 2)
+    for v in range(12 * fine):
+        for u in range(16 * fine):
+            row, column = v // fine, u // fine
+            corners = grid[row:row + 2, column:column + 2].reshape(4, 2)
+            cell = naive_corners.cell_of(corners, v % fine, u % fine, fine)
             expected = (levels[2] if np.isnan(corners).any() else
-                        naive_corners.board_mean(corners, drawing, 0.01, levels))
-            assert image[v, u] == pytest.approx(expected, abs=1e-9)
+                        naive_corners.board_mean(cell, drawing, 0.01, levels))
+            assert image[v, u] == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_blur_of_a_lens_is_smooth():
+    # The profile of a Gaussian lens before square pixels (640 px, 0.32 m: 1 px is 0.5 mm).
+    board, f, z, sigma = Board.usual('chessboard'), 640.0, 0.32, 0.5
+    model = CALIBRATION.left.__class__('left', 640, 480, 'plumb_bob', [], [
+        [f, 0, 319.5], [0, f, 239.5], [0, 0, 1]], np.eye(3), np.eye(3, 4))
+    pose = facing(board, z)
+    pose.position[:2] = ((200.3 - 319.5) * z / f, (100 - 239.5) * z / f)
+    view = board_view(board_camera(model, **{**CLEAN, 'lens_blur': sigma}), board, pose,
+                      levels=(0.0, 1.0, 1.0))
+    away = np.arange(196, 206)[:, None] - 200.3 + np.linspace(-0.5, 0.5, 400)
+    profile = 0.5 - 0.5 * np.vectorize(math.erf)(away / (math.sqrt(2) * sigma)).mean(axis=1)
+    np.testing.assert_allclose(view.image[115:125, 196:206, 1].mean(axis=0) / 65535, profile,
+                               atol=0.004)
 
 
 @pytest.mark.parametrize('shift', [0.0, 0.2, 0.37, 0.5, 0.81])

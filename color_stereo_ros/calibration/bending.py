@@ -12,19 +12,18 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Lenses bend the edges of a board; what that moves the corners by."""
+"""Lenses bend the edges of a board; the lines of its corners show by how much."""
 
 import numpy as np
 
 NEAR = 3  # corners to each side along a line, whose median is the curvature; chosen
 
 
-def shifts(shape, ids, pixels, sides, lengths):
+def bends(shape, ids, pixels):
     """
-    Return how far straight edges move the corners where the true edges are bent.
+    Return the curvatures of the edges at corners.
 
-    A straight line through an edge of curvature k and half length L lies k L^2 / 6 beside its
-    middle. Inner corners of one row of a board are on a straight line in the world, also under
+    Inner corners of one row of a board are on a straight line in the world, also under
     perspective. In the image they tell how the lens bends it.
 
     Parameters
@@ -35,24 +34,18 @@ def shifts(shape, ids, pixels, sides, lengths):
         Which corners were found; row by row.
     pixels : numpy.ndarray, float64, shape (n, 2)
         Where, px.
-    sides : numpy.ndarray, float64, shape (n, 2, 2)
-        The columns are the directions of the edges along x and along y, of any length.
-    lengths : numpy.ndarray, float64, shape (n, 2)
-        Half of what was fitted of these edges, px.
 
     Returns
     -------
-    shift : numpy.ndarray, float64, shape (n, 2)
-        px, to be subtracted; zero where too few neighbors were found.
+    bends : numpy.ndarray, float64, shape (n, 2)
+        Of the edges along x and along y, 1 / px, see `curvatures`; zero where too few neighbors
+        were found.
 
     """
     grid = np.full((*shape, 2), np.nan)
     grid.reshape(-1, 2)[ids] = pixels
-    bends = np.stack([curvatures(grid), curvatures(grid.transpose(1, 0, 2)).T], axis=2)
-    beside = bends.reshape(-1, 2)[ids] * lengths ** 2 / 6
-    along = sides / np.linalg.norm(sides, axis=1, keepdims=True)
-    normals = np.stack([-along[:, 1], along[:, 0]], axis=2)  # (n, edge, coordinate)
-    return np.linalg.solve(normals, beside[..., None])[..., 0]
+    both = np.stack([curvatures(grid), curvatures(grid.transpose(1, 0, 2)).T], axis=2)
+    return both.reshape(-1, 2)[ids]
 
 
 def curvatures(lines):

@@ -16,22 +16,21 @@
 
 import numpy as np
 
-from .bending import shifts
+from .bending import bends
 from .board_kind import Detection, LEAST_CORNERS
-from .corner_kernels import ANGLE_1, ANGLE_2, BLUR_1, BLUR_2, COUNT, fit_corners, HEIGHT
+from .corner_kernels import BLUR_1, BLUR_2, COUNT, fit_corners, HEIGHT
 
 REACH = 0.5          # squares, half width of the window; the next edges are a square away
-LARGEST = 14         # px, half width of the window; beyond, lenses bend edges
-GUARD = 1.5          # px between the window and a marker: what the blur reaches
+LARGEST = 14         # px, half width of the window; beyond, edges are no circles any more
+GUARD = 1.8          # px between the window and a marker: what a usual blur reaches; chosen
 NO_MARKERS = 10.0    # squares; larger than any window
 SMALLEST_SQUARE = 6.0  # px, along the shorter side; below, the next edges blur into the corner
 LEAST_HEIGHT = 6.0   # DN, half of the difference between white and black
 WORST_FIT = 0.25     # residuals as a share of the height; seen on good corners: up to .1
 MOST_BLUR = 0.25     # of a square; a corner that is blurred more is none
 FARTHEST = 0.3       # squares between the start and the corner
-ALIAS = 0.0085       # px, error of an edge along the pixels; evaluation.corners --limits
-SHARING = 6          # corners of a line with the same error; chosen: lines have 7 and 10
-LEAST_SIGMA = 0.002  # px, what a turned board shows without noise; evaluation.corners --limits
+LEAST_RELATION = 0.05  # of independent noise; chosen, images with gamma reach .12
+LEAST_SIGMA = 0.0007  # px, what a turned board shows without noise; evaluation.corners --limits
 
 
 def detection(board, gray, ids, start, scale, gap=None):
@@ -51,15 +50,15 @@ def detection(board, gray, ids, start, scale, gap=None):
 
     """
     row, column = np.divmod(ids, board.columns - 1)
-    good, pixels, sigma = refined(gray, start, scale, (row + column) % 2 == 0, gap)
+    good, pixels, sigma = refined(
+        gray, start, scale, (row + column) % 2 == 0, gap,
+        lambda known, found: bends((board.rows - 1, board.columns - 1), ids[known], found))
     if good.sum() < LEAST_CORNERS:
         return None
-    found, scale = pixels[good], scale[good]
-    bent = shifts((board.rows - 1, board.columns - 1), ids[good], found, scale, _lengths(scale))
-    return Detection(ids[good], found - bent, sigma[good])
+    return Detection(ids[good], pixels[good], sigma[good])
 
 
-def refined(gray, start, scale, black, gap=None):
+def refined(gray, start, scale, black, gap=None, bends_of=None):
     """
     Fit two crossing edges to every corner.
 
@@ -75,6 +74,9 @@ def refined(gray, start, scale, black, gap=None):
         Whether the square at larger x and larger y is black.
     gap : float, optional
         Distance from the edge of a white square to its marker, squares; None = no markers.
+    bends_of : callable, optional
+        Returns the curvatures of the edges, float64 (m, 2), 1 / px, at the m corners that an
+        array bool (n,) names and whose places, float64 (m, 2), px, are given.
 
     Returns
     -------
@@ -89,36 +91,30 @@ def refined(gray, start, scale, black, gap=None):
     start = np.ascontiguousarray(start, np.float64)
     inverse = np.linalg.inv(scale)
     sign = np.where(black, 1.0, -1.0)
-    found = np.empty((len(start), COUNT + 2))
-    for _ in range(2):  # the window of the second round lies around the corner
-        fit_corners(gray, start, inverse, sign, REACH, NO_MARKERS if gap is None else gap, GUARD,
-                    LARGEST, found)
+    found, bent = np.empty((len(start), COUNT + 4)), np.zeros((len(start), 2))
+    for again in (False, True):  # in the second round, window and curvatures are right
+        fit_corners(gray, start, inverse, sign, bent, REACH, NO_MARKERS if gap is None else gap,
+                    GUARD, LARGEST, again, found)
         good = _good(found, start, scale, sign)
         start = np.where(good[:, None], found[:, :2], start)
+        if bends_of and good.any():
+            bent[good] = bends_of(good, start[good])
+    residual, seen, expected, unit = found[:, COUNT:].T
+    good &= expected > 0  # NaN: the fit was singular
     pixels = np.where(good[:, None], found[:, :2], np.nan)
-    variance = np.abs(found[:, COUNT]) + _aliasing(found, scale) + LEAST_SIGMA ** 2
-    return good, pixels, np.where(good, np.sqrt(variance), np.nan)
+    variance = _relation(seen[good], (residual ** 2 * expected)[good]) * residual ** 2 * unit
+    return good, pixels, np.where(good, np.sqrt(variance + LEAST_SIGMA ** 2), np.nan)
 
 
-def _lengths(scale):
-    """Return half of what a window shows of the edges along x and y, px, float64 (n, 2)."""
-    return np.minimum(REACH * np.linalg.norm(scale, axis=1), LARGEST / np.abs(
-        scale / np.linalg.norm(scale, axis=1, keepdims=True)).max(axis=1))
-
-
-def _aliasing(found, scale):
+def _relation(seen, expected):
     """
-    Return the variance of edges that meet the pixels in one phase only, px^2, float64 (n,).
+    Return how much more neighbors say together than independent noise would.
 
-    An edge along a row or a column is sampled at one place of its profile, so that an error of the
-    profile moves it. Within a window that it crosses in more than one row, the error averages
-    out. Corners along the edge share it. An adjustment that counts corners as independent would
-    average it, so that their number is a factor here.
+    The mosaic and its conversion are those of all corners of an image, of which each alone knows
+    its own to a third only.
 
     """
-    turned = (found[:, [ANGLE_1, ANGLE_2]] + np.pi / 4) % (np.pi / 2) - np.pi / 4
-    phases = 2 * _lengths(scale) * np.tan(np.abs(turned))
-    return 0.5 * SHARING * ALIAS ** 2 * (np.sinc(np.minimum(phases, 1.0)) ** 2).sum(axis=1)
+    return max(float(np.mean(seen / expected)), LEAST_RELATION) if len(seen) else 1.0
 
 
 def _good(found, start, scale, sign):
@@ -131,5 +127,5 @@ def _good(found, start, scale, sign):
         moved = np.linalg.norm(found[:, :2] - start, axis=1)
         blur = np.exp(found[:, [BLUR_1, BLUR_2]]).max(axis=1)
         return ((across >= SMALLEST_SQUARE) & (height >= LEAST_HEIGHT)
-                & (found[:, COUNT + 1] <= WORST_FIT * height) & (blur <= MOST_BLUR * across)
-                & (moved <= FARTHEST * across) & (found[:, COUNT] > 0))
+                & (found[:, COUNT] <= WORST_FIT * height) & (blur <= MOST_BLUR * across)
+                & (moved <= FARTHEST * across))

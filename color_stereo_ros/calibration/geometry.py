@@ -22,6 +22,7 @@ import numpy as np
 from .adjustment import adjust
 from .evidence import agreement_of_halves, choose_lens
 from .guidance import grid_of
+from .moves import check_moved
 from .shots import check_sizes, without_blurred
 from .suspicions import check_shots, explain
 from .views import SIDES
@@ -239,6 +240,7 @@ def calibrate(board, shots, *, model=AUTOMATIC, distance=None, baseline=None, re
         raise
     if len(adjustment.dropped) > MANY * len(adjustment.views):
         explain(board, sharp, size, reopened_sharp)
+    check_moved(board, [shot.view for shot in sharp if any(shot.detections)], adjustment)
     _check_residual(adjustment)
     check_baseline(board, adjustment.calibration, baseline)
     distance = distance or float(np.median(

@@ -81,7 +81,7 @@ def check_shots(board, shots, size, reopened=None):
         return  # a lens that the simple camera does not describe: its motions tell nothing
     poses = [column for column, _ in poses]
     _check_tilt(poses)
-    motions = _motions(*poses)
+    motions = motions_of(*poses)
     spread = spread_of(motions)
     if spread > ODD:
         _explain(board, shots, size, poses, reopened if spread > LOOSE else None)
@@ -117,8 +117,8 @@ def _check_numbers(board, shots, reopened):
     if not any(seen):
         raise CalibrationError(
             f'no image shows the {board.describe()}: compare kind and numbers of the board with '
-            'the options; light it evenly, focus the cameras, keep the pattern of the projector '
-            'off')
+            'the options; light it evenly, focus the cameras, hold it still, keep the pattern of '
+            'the projector off')
     if not all(seen):
         alone, other = (SIDES if seen[0] else SIDES[::-1])
         raise CalibrationError(f'the board is seen by the {alone} camera only ({counts}): show '
@@ -179,7 +179,7 @@ def _check_tilt(poses):
                 f'degrees): tilt the board by 35 to 55 degrees, each time towards another side')
 
 
-def _motions(left, right):
+def motions_of(left, right):
     """Return the Motion of each view that has a pose in both cameras."""
     found = []
     for first, second in zip(left, right):
@@ -220,24 +220,26 @@ def spread_of(motions):
         Median distance from the median; infinite for less than three motions.
 
     """
-    if len(motions) < 3:
-        return np.inf
+    return float(np.median(_distances(motions))) if len(motions) >= 3 else np.inf
+
+
+def _distances(motions):
+    """Return how far motions are from their median, shares of the baseline plus rad, (n,)."""
     centers = np.array([motion.center for motion in motions])
     turns = np.array([motion.rotation for motion in motions])
     middle = np.median(centers, axis=0)
     far = np.linalg.norm(centers - middle, axis=1) / max(np.linalg.norm(middle), 1e-6)
-    turned = np.linalg.norm(turns - np.median(turns, axis=0), axis=1)
-    return float(np.median(far + turned))
+    return far + np.linalg.norm(turns - np.median(turns, axis=0), axis=1)
 
 
 def _explain(board, shots, size, poses, reopened):
     """Raise the explanation after which the motions agree."""
     left, right = poses
-    motions = _motions(left, right)
+    motions = motions_of(left, right)
     limit = CONVINCING * spread_of(motions)
     for lag in LAGS:
-        shifted = _motions(left[:len(left) - lag], right[lag:]) if lag > 0 else \
-            _motions(left[-lag:], right[:lag])
+        shifted = motions_of(left[:len(left) - lag], right[lag:]) if lag > 0 else \
+            motions_of(left[-lag:], right[:lag])
         if len(shifted) >= LEAST_VIEWS and spread_of(shifted) < limit:
             late, early = SIDES[::-1] if lag > 0 else SIDES
             raise CalibrationError(
@@ -248,9 +250,14 @@ def _explain(board, shots, size, poses, reopened):
     if place is not None:
         names = [shot.name for shot, first, second in zip(shots, left, right)
                  if first is not None and second is not None]
-        raise CalibrationError(
-            f'a camera was moved between {names[place - 1]} and {names[place]}: the views before '
-            'and after agree among themselves only; calibrate anew with the views of one side')
+        raise moved_between(names[place - 1], names[place])
+
+
+def moved_between(before, after):
+    """Return the error that names the views between which a camera was moved."""
+    return CalibrationError(
+        f'a camera was moved between {before} and {after}: the views before and after agree among '
+        'themselves only; calibrate anew with the views of one side')
 
 
 def _refuse_loose(shots):
@@ -274,7 +281,7 @@ def _refuse_one_mirror(board, shots, size, poses, limit, reopened):
                    for place in places]
         tried = [[column[place] for place in places] for column in poses]
         tried[side], _ = _camera_poses(board, flipped, size)
-        motions = _motions(*tried)
+        motions = motions_of(*tried)
         # with the other camera mirrored, too, they agree as well, but are exchanged
         if (len(motions) >= LEAST_VIEWS and spread_of(motions) < limit
                 and np.median([motion.center[0] for motion in motions]) > 0):
@@ -301,9 +308,12 @@ def moved_at(motions, limit):
     """
     best = None
     for place in range(SEGMENT, len(motions) - SEGMENT + 1):
-        parts = [_deviation(part) for part in (motions[:place], motions[place:])]
-        if max(parts) < limit and (best is None or sum(parts) < best[0]):
-            best = sum(parts), place
+        parts = motions[:place], motions[place:]
+        if max(map(_deviation, parts)) < limit:
+            # The sum, not the median, sees that one motion is on the wrong side.
+            total = sum(_distances(part).sum() for part in parts)
+            if best is None or total < best[0]:
+                best = total, place
     return None if best is None else best[1]
 
 

@@ -15,14 +15,17 @@
 """
 Exact images of calibration boards, and where their corners lie.
 
-Mitsuba is not needed. Every pixel is the mean of the drawing over its area: through the lens, by
-many samples where an edge crosses it. Then come the lens blur and the electronics of the rig.
+Mitsuba is not needed. Every pixel has cells, each the mean of the drawing over its area: through
+the lens, by many samples where an edge crosses it. The lens blurs the cells, the pixel is their
+mean, and the electronics of the rig follow. A blur of whole pixels is no lens: its weights at
+distances of 0, 1, 2 px make the profile of an edge a polygon, which moves corners by .01 px.
 
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import cv2
 import numpy as np
 
 from .board_kernels import board_means
@@ -32,6 +35,7 @@ from .geometry import Pose
 from .rig import read_camera
 
 LEVELS = (0.04, 0.82, 0.3)  # radiance of black, white and the surroundings; print on cardboard
+FINE = 4        # cells of a pixel along either axis; the blur of .5 px spans enough of them
 BORDER = 0.01   # m of white paper around the squares
 BENDS = 3       # steps that find where a ray meets a bent board; the bend is small
 FAR = 1e3       # m; a ray that meets the plane beyond sees the surroundings
@@ -102,12 +106,15 @@ def board_view(camera, board, pose, *, seed=0, bend=(0.0, 0.0), levels=LEVELS, b
 
     """
     drawing = board.drawing
-    radiance = np.empty(camera.shape)
+    cells = np.empty((FINE * camera.shape[0], FINE * camera.shape[1]), np.float32)
     board_means(_plane_points(camera, board, pose, bend), drawing.x, drawing.y, drawing.dark,
                 np.ascontiguousarray(drawing.disks, np.float64), border,
-                np.array(levels, np.float64), radiance)
-    image = expose(np.repeat(radiance[..., None], 3, axis=2), camera, camera.exposure or 1.0,
-                   seed)
+                np.array(levels, np.float64), cells)
+    if camera.lens_blur > 0:
+        cells = cv2.GaussianBlur(cells, (0, 0), FINE * camera.lens_blur)
+    radiance = cv2.resize(cells, camera.shape[::-1], interpolation=cv2.INTER_AREA)
+    image = expose(np.repeat(radiance[..., None].astype(np.float64), 3, axis=2),
+                   replace(camera, lens_blur=0.0), camera.exposure or 1.0, seed)
     corners = board.corners.copy()
     corners[:, 2] = bent(corners[:, :2], board.size_m, bend)
     local = pose.to_parent(corners)

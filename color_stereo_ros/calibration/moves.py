@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Whether a camera was moved a little between two views: found after an adjustment.
+
+The simple camera of `suspicions` does not see moves of less than half a degree. An adjustment
+does: it drops the views of the smaller side whole, or its residuals grow, and those of each side
+alone do not.
+
+"""
+
+import cv2
+import numpy as np
+
+from .adjustment import adjust
+from .suspicions import motions_of, moved_between, SEGMENT
+from ..core.cameras.lenses import LENSES
+from ..errors import CalibrationError
+
+STEP = 5.0          # times the scatter on either side: motions that make a step
+LEAST_STEP = 1e-4   # rad and of the baseline: less is no move; chosen, .006 degrees
+CORNERS = 8         # of a view that takes part here
+LOOSE = 1.5         # scatter of the residuals over what the corners say, of a suspicious fit
+SIDE = 4            # pairs that a side needs to be adjusted alone; one more than the least
+BETTER = 0.5        # of that scatter: both sides must stay below
+PLACES = 9          # splits that are tried first
+
+
+def check_moved(board, views, adjustment):
+    """
+    Refuse views between which a camera was moved.
+
+    Parameters
+    ----------
+    board : Board
+        The calibration board.
+    views : list of View
+        In the order in which they were taken.
+    adjustment : Adjustment
+        Of all of them.
+
+    Raises
+    ------
+    CalibrationError
+        Names the views.
+
+    """
+    pairs = [view for view in views
+             if view.is_pair and min(len(view.left.ids), len(view.right.ids)) >= CORNERS]
+    place = end_of_run([view.name in adjustment.dropped for view in pairs])
+    if place is not None and not is_step(_motions(board, pairs, adjustment.parameters), place):
+        place = None
+    if place is None and adjustment.scale > LOOSE:
+        place = _split(board, pairs, adjustment)
+    if place is not None:
+        raise moved_between(pairs[place - 1].name, pairs[place].name)
+
+
+def end_of_run(dropped):
+    """Return the place between views of which all before, or all after, were dropped, or None."""
+    for place in range(SEGMENT, len(dropped) - SEGMENT + 1):
+        if len({*dropped[:place]}) == len({*dropped[place:]}) == 1:
+            return place if dropped[0] != dropped[-1] else None
+    return None
+
+
+def is_step(motions, place):
+    """
+    Return whether motions make a step that is large against their scatter on either side.
+
+    Parameters
+    ----------
+    motions : list of Motion
+        Between two views each.
+    place : int
+        The first motion after the step.
+
+    """
+    scale = np.linalg.norm(np.median([each.center for each in motions], axis=0))
+    values = np.array([[*each.center / scale, *each.rotation] for each in motions])
+    parts = values[:place], values[place:]
+    middles = [np.median(part, axis=0) for part in parts]
+    scatter = max(float(np.median(np.linalg.norm(part - middle, axis=1)))
+                  for part, middle in zip(parts, middles))
+    return np.linalg.norm(middles[1] - middles[0]) > max(LEAST_STEP, STEP * scatter)
+
+
+def _motions(board, pairs, parameters):
+    """Return the Motion of each pair through calibrated lenses."""
+    lens = LENSES[parameters.distortion_model]
+    return motions_of(*([_pose(board, getattr(pair, side), lens, getattr(parameters, side))
+                         for pair in pairs] for side in ('left', 'right')))
+
+
+def _pose(board, detection, lens, values):
+    """Return rotation and translation of the board before a calibrated camera."""
+    K = np.array([[values[0], 0, values[2]], [0, values[1], values[3]], [0, 0, 1.0]])
+    rays, points = lens.undistort(detection.pixels, K, values[4:]), board.corners[detection.ids]
+    _, turn, shift = cv2.solvePnP(points, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    turn, shift = cv2.solvePnPRefineLM(points, rays, np.eye(3), None, turn, shift)
+    return cv2.Rodrigues(turn)[0], shift.ravel()
+
+
+def _split(board, pairs, adjustment):
+    """Return the place between two sides that each fit well alone, or None."""
+    places = range(SIDE, len(pairs) - SIDE + 1)
+    if not places:
+        return None
+    scatters = {}
+
+    def scatter(place):
+        if place not in scatters:
+            scatters[place] = max(_scatter(board, side, adjustment)
+                                  for side in (pairs[:place], pairs[place:]))
+        return scatters[place]
+
+    tried = np.unique(np.linspace(places[0], places[-1], PLACES).astype(int)).tolist()
+    best = min(tried, key=scatter)
+    while True:
+        near = min((place for place in (best - 1, best, best + 1) if place in places),
+                   key=scatter)
+        if near == best:
+            break
+        best = near
+    return best if scatter(best) < BETTER * adjustment.scale else None
+
+
+def _scatter(board, pairs, adjustment):
+    """Return the scatter of the residuals of some pairs alone; infinite if they are too few."""
+    parameters = adjustment.parameters
+    try:
+        found = adjust(parameters.size, board.corners, pairs, parameters.distortion_model)
+    except CalibrationError:
+        return np.inf
+    return np.inf if found.dropped else found.scale
