@@ -148,6 +148,8 @@ def test_the_more_alike_match_counts_where_one_search_is_better_overall():
     for pair in (true, wrong), (wrong, true), (true, unknown):
         found, alike = more_alike(images, *pair, TUNING.brightness)
         assert (found[INSIDE] == 6).all() and (alike[INSIDE] > 0.99).all()
+    slightly = replaced(TUNING, {'brightness.clearly_alike': 2.0}).brightness
+    assert (more_alike(images, true, wrong, slightly)[0][INSIDE] == 6).all()
     half = true.copy()
     half[:, 30:] = np.nan
     found, _ = more_alike(images, wrong, half, TUNING.brightness)
@@ -227,8 +229,18 @@ def test_a_plane_without_information_is_as_good_as_its_seed_where_views_are_alik
 def test_a_seed_replaces_a_plane_only_where_it_fits_better(plane, seed):
     planes, carrier, search = planes_beside_seeds(0.9, plane, seed)
     carrier.settle_disputes(planes, search)
-    middle = planes.d[planes.grid.inner][5:-5, 15:-15]
-    assert np.mean(np.abs(middle - 13) < 0.01) > 0.99
+    middle = np.s_[5:-5, 15:-15]
+    assert np.mean(np.abs(planes.d[planes.grid.inner][middle] - 13) < 0.01) > 0.99
+    odds = TUNING.brightness.agreement_odds if seed == 13 else 0
+    assert np.mean(carrier.confirmed(planes)[middle] == odds) > 0.99
+
+
+def test_seeds_add_to_the_odds_of_planes_that_they_confirm():
+    planes, carrier, search = planes_beside_seeds(0.9)
+    carrier.settle_disputes(planes, search)
+    planes.d[planes.grid.inner][:10] += 2
+    confirmed, odds = carrier.confirmed(planes), TUNING.brightness.agreement_odds
+    assert (confirmed[:10] == -odds).all() and (confirmed[10:] == odds).all()
 
 
 def test_discord_takes_little_from_nodes_whose_surroundings_are_alike():

@@ -32,7 +32,7 @@ from ..errors import RecordingError
 
 DEATHS = 10
 """Processes that may be killed over one task; chosen: a machine in trouble, not the task."""
-PATIENCE = '5s'
+PATIENCE = '15s'  # until a scheduler has answered: on a busy machine 5 s were too few
 """Time that a scheduler has to answer; chosen: networks answer in a tenth of it."""
 STARTS = 3
 """Tries to start the processes; chosen likewise."""

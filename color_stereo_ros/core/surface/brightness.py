@@ -53,6 +53,7 @@ class BrightnessCarrier:
         self.shares = [None, None]
         self.seed = arena.full(views.left.s.shape, np.nan, F4)
         self.likeness = np.full(views.grid.nodes, np.nan, F4)
+        self.beaten = np.zeros(views.grid.nodes, bool)
         self.window_nodes = (2 * tuning.planes.radius + 1) ** 2
         self.seed_weight = F4(0)
         self.seeded, self.active, self.scale = False, False, F4(1)
@@ -62,11 +63,17 @@ class BrightnessCarrier:
         self.active = self.seeded = False
 
     def confirmed(self, planes):
-        """Return what the seeds add to the log-odds of the nodes, float32; None without seeds."""
+        """
+        Return what the seeds add to the log-odds of the nodes, float32; None without seeds.
+
+        A seed that fits worse than the plane says nothing.
+
+        """
         if not self.seeded:
             return None
         inner, odds = planes.grid.inner, F4(self.tuning.agreement_odds)
-        return np.where(np.abs(self.seed[inner] - planes.d[inner]) < F4(1), odds, -odds)
+        agree = np.abs(self.seed[inner] - planes.d[inner]) < F4(1)
+        return np.where(agree, odds, np.where(self.beaten, F4(0), -odds))
 
     def settle_disputes(self, planes, search):
         """
@@ -93,8 +100,9 @@ class BrightnessCarrier:
         place = F4(2) * np.arange(planes.grid.columns, dtype=F4) - seed
         border = F4(tuning.disputed_border)
         inside = (place >= border) & (place < F4(planes.grid.width - 1) - border)
-        far = inside & ~(np.abs(seed - d) < F4(tuning.disputed_distance))
-        replaced = far & search.closer(seed, d)
+        disputed = inside & ~(np.abs(seed - d) < F4(tuning.disputed_distance))
+        replaced = disputed & search.closer(seed, d)
+        self.beaten = disputed & ~replaced
         np.copyto(d, seed, where=replaced)
         for plane, value in ((planes.a, 0), (planes.b, 0),
                              (planes.variance, tuning.disputed_std ** 2)):
@@ -178,6 +186,7 @@ class BrightnessCarrier:
         """
         self.seed[grid.inner] = F4(2) * found.disparity + F4(found.offset)
         self.likeness = found.likeness
+        self.beaten = np.zeros(found.likeness.shape, bool)
         self.seed_weight = F4(1 / ((std or self.tuning.seed_std) ** 2 * self.window_nodes))
         self.seeded = True
 

@@ -185,9 +185,10 @@ def more_alike(images, plain, evened, tuning):
     """
     Return the disparities of two searches of a pair as one, and how alike their windows are.
 
-    Where one search finds clearly more of what is alike in the whole pair, the match of each node
-    counts whose windows are more alike. Otherwise that of the evened search does: pieces of a
-    search that is no better win by chance. What the plain one has alone must then be alike.
+    Where one search finds clearly more of what is alike in the whole pair, its matches count, but
+    at nodes where the windows of the other one are clearly more alike. Otherwise those of the
+    evened search count: pieces of a search that is no better win by chance. What the plain one
+    has alone must then be alike.
 
     Parameters
     ----------
@@ -207,7 +208,7 @@ def more_alike(images, plain, evened, tuning):
     better = np.mean(np.nan_to_num(first)) - np.mean(np.nan_to_num(second))
     lone = np.isnan(second)
     if abs(better) > tuning.least_better:
-        chosen = lone | (first > second)
+        chosen = lone | (first > second + F4(math.copysign(tuning.clearly_alike, -better)))
     else:
         chosen = lone & (first > F4(tuning.least_alike_alone))
     return np.where(chosen, plain, evened), np.where(chosen, first, second)
