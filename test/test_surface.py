@@ -27,6 +27,7 @@ from color_stereo_ros.core.surface.coarse import CoarseSearch
 from color_stereo_ros.core.surface.gains import gains_of
 from color_stereo_ros.core.surface.grid import framed_area, HalfGrid, whole
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD, TILE_COLUMNS, TILE_ROWS
+from color_stereo_ros.core.surface.method import SurfaceMethod
 from color_stereo_ros.core.surface.tuning import changed, slow, TUNING
 import cv2
 import numba
@@ -482,6 +483,18 @@ def test_the_search_never_leaves_the_image():
     search = CoarseSearch((24, 32), 64, (-1e5, 1e5), Settings().matching, TUNING, Arena())
     _, depth, columns = search.upright.cost.shape
     assert depth <= 2 * columns + 1
+
+
+def test_the_seeds_of_the_last_search_are_judged(monkeypatch):
+    """Views that were made alike may show texture where the first search saw colors."""
+    method = SurfaceMethod(surface_settings(*LIMITS), rig(WIDTH, HEIGHT), LIMITS)
+    monkeypatch.setattr(method, 'even_out', lambda views, planes, pair, clock: method.search_again(
+        views, planes, method.seeds_of_faint_colors))
+    left, right = plane_pair(WIDTH, HEIGHT, 20)
+    measurement = method.measure(left, right, Stopwatch())
+    error = np.abs(measurement.disparity - 20)
+    assert np.mean(error < 0.1) > 0.8
+    assert method.found.likeness is not None
 
 
 def test_a_higher_confidence_leaves_fewer_and_better_ranges(step):

@@ -225,7 +225,7 @@ def test_a_plane_without_information_is_as_good_as_its_seed_where_views_are_alik
     np.testing.assert_allclose(planes.d[grid.inner], 13.4, rtol=1e-6)
 
 
-@pytest.mark.parametrize('plane, seed', [(16, 13), (13, 16)])
+@pytest.mark.parametrize('plane, seed', [(16, 13), (13, 16), (np.nan, 13)])
 def test_a_seed_replaces_a_plane_only_where_it_fits_better(plane, seed):
     planes, carrier, search = planes_beside_seeds(0.9, plane, seed)
     carrier.settle_disputes(planes, search)

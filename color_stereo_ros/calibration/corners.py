@@ -97,7 +97,7 @@ def refined(gray, start, scale, black, gap=None, bends_of=None):
                     GUARD, LARGEST, again, found)
         good = _good(found, start, scale, sign)
         start = np.where(good[:, None], found[:, :2], start)
-        if bends_of and good.any():
+        if bends_of and not again and good.any():
             bent[good] = bends_of(good, start[good])
     residual, seen, expected, unit = found[:, COUNT:].T
     good &= expected > 0  # NaN: the fit was singular
@@ -114,7 +114,9 @@ def _relation(seen, expected):
     its own to a third only.
 
     """
-    return max(float(np.mean(seen / expected)), LEAST_RELATION) if len(seen) else 1.0
+    relation = seen / expected
+    relation = relation[np.isfinite(relation)]
+    return max(float(np.mean(relation)), LEAST_RELATION) if relation.size else 1.0
 
 
 def _good(found, start, scale, sign):

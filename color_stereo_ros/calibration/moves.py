@@ -88,9 +88,12 @@ def is_step(motions, place):
         The first motion after the step.
 
     """
-    scale = np.linalg.norm(np.median([each.center for each in motions], axis=0))
-    values = np.array([[*each.center / scale, *each.rotation] for each in motions])
-    parts = values[:place], values[place:]
+    values = np.array([[*each.center, *each.rotation] for each in motions])
+    values[:, :3] /= np.linalg.norm(np.nanmedian(values[:, :3], axis=0))
+    # corners of one row of the board give no pose
+    parts = [part[np.isfinite(part).all(axis=1)] for part in (values[:place], values[place:])]
+    if not all(map(len, parts)):
+        return False
     middles = [np.median(part, axis=0) for part in parts]
     scatter = max(float(np.median(np.linalg.norm(part - middle, axis=1)))
                   for part, middle in zip(parts, middles))

@@ -90,7 +90,7 @@ def fast_dds_is_known(maps='/proc/self/maps'):
 
 
 def prepare():
-    """Set what the user has not set; call it before the first context of rclpy and NumPy."""
+    """Set what the user has not set; call it before rclpy has a context and NumPy is there."""
     keep_freed_memory()
     # NumPy marks the places of large arrays: where small ones come later, each touched page would
     # be one of 2 MB

@@ -32,8 +32,8 @@ from ..errors import RecordingError
 
 DEATHS = 10
 """Processes that may be killed over one task; chosen: a machine in trouble, not the task."""
-PATIENCE = '15s'  # until a scheduler has answered: on a busy machine 5 s were too few
-"""Time that a scheduler has to answer; chosen: networks answer in a tenth of it."""
+PATIENCE = '15s'
+"""Time that a scheduler has to answer; chosen: on a busy machine 5 s were too few."""
 STARTS = 3
 """Tries to start the processes; chosen likewise."""
 ENVIRONMENT = {'MALLOC_TRIM_THRESHOLD_': str(1 << 28), 'MALLOC_MMAP_THRESHOLD_': str(1 << 25)}

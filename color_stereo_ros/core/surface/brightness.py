@@ -82,8 +82,9 @@ class BrightnessCarrier:
         Near depth edges a window sees two surfaces, and the brightness against the surroundings
         holds both; the search knows which one goes on. Elsewhere planes are right more often:
         small windows of both views tell. Where the search has seen the repeated border of the
-        right view, its seeds replace nothing. Where a window changes no more than its noise, a
-        plane is as good as the seed beside it, if the surroundings are alike in both views.
+        right view, its seeds replace nothing. A plane has no variance where its window changes
+        no more than its noise. Beside a seed it gets one, if the surroundings are alike in both
+        views.
 
         Parameters
         ----------

@@ -114,6 +114,7 @@ class SurfaceMethod:
         self.texture = TextureSearch(grid, limits, tuning)
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.in_force = tuning
+        self.found = None
         self.detailed = detailed_tuning(tuning)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
@@ -463,21 +464,22 @@ class SurfaceMethod:
         -------
         pair : PairModel
         seeds : Seeds
+            Of the last search.
 
         """
         views = self.views.load(left, right, applied, looks)
         self.rows.before = 0
         clock.lap('colors', views)
-        seeds = self.seeds(views)
-        clock.lap('coarse', seeds)
-        planes, pair = self.planes.seed(seeds), PairModel.neutral(views)
+        self.found = self.seeds(views)
+        clock.lap('coarse', self.found)
+        planes, pair = self.planes.seed(self.found), PairModel.neutral(views)
         if self.settings.matching.refinements:
             pair = self.fit_seeds(views, planes, pair, clock)
         if self.evening_in_force.on and not self.gray:
             pair = self.even_out(views, planes, pair, clock)
         for turn in range(1, self.settings.matching.refinements):
             self.refine(turn, views, planes, pair, clock)
-        return pair, seeds
+        return pair, self.found
 
     def curve(self, left, right, alignment, pixel):
         """
@@ -759,13 +761,14 @@ class SurfaceMethod:
 
     def search_again(self, views, planes, search=None):
         """
-        Search and fit seeds in views that have changed; return the PairModel.
+        Search and fit seeds in views that have changed; return the PairModel. Sets `found`.
 
         search: function of the Views that returns Seeds; default: `seeds`, since views that are
         alike may show colors that never come again.
 
         """
-        planes.seed((search or self.seeds)(views))
+        self.found = (search or self.seeds)(views)
+        planes.seed(self.found)
         return self.fitted_anew(views, planes)
 
     def fitted_anew(self, views, planes):

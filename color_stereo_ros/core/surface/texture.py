@@ -101,11 +101,11 @@ class TextureSearch:
 
         Small windows of the pair that was searched last are compared.
 
-        one, other: float32 (rows, columns), px; an unknown one fits as what has nothing in common.
+        one, other: float32 (rows, columns), px; an unknown one fits worse than any other.
 
         """
         first, second = (np.nan_to_num(likeness(
-            self.searched, each, self.tuning.disputed_window, 2)) for each in (one, other))
+            self.searched, each, self.tuning.disputed_window, 2), nan=-2) for each in (one, other))
         return first > second
 
     def narrowed(self, images):

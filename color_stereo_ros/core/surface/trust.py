@@ -124,7 +124,7 @@ class Trust:
             self.log_odds[self.grid.inner] += confirmed
             self.distrust_unsteady()
         if self.tuning.discord_odds:
-            alike = None if confirmed is None else self.alike(seeds, confirmed)
+            alike = None if confirmed is None else self.confirmed_alike(seeds, confirmed)
             self.distrust_discord(planes, self.discord_distance(views), alike)
         if uneven is not None:
             self.temper(uneven)
@@ -205,7 +205,7 @@ class Trust:
                 views.quantization, raw.quantizations, raw.discord_distances))
         return distance
 
-    def alike(self, seeds, confirmed):
+    def confirmed_alike(self, seeds, confirmed):
         """Return the nodes that a search confirms, in surroundings that are alike, bool."""
         return (seeds.likeness > F4(self.alike_likeness)) & (confirmed > F4(0))
 
