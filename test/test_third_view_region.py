@@ -14,8 +14,6 @@
 # limitations under the License.
 """Kernels of the third view that choose nodes, and what they measure in colors and patches."""
 
-import math
-
 from color_stereo_ros.core.projector.patch_kernels import choose_sites, predict_patches
 from color_stereo_ros.core.projector.patches import Sites
 from color_stereo_ros.core.status_codes import VALID
@@ -25,12 +23,12 @@ from color_stereo_ros.core.surface.grid_kernels import (
 from color_stereo_ros.core.surface.third.color_kernels import MOST_RADIUS, window_means
 from color_stereo_ros.core.surface.third.fusion_kernels import (
     bound_odds, expected_wrong, find_treated, spread_views)
-from color_stereo_ros.core.surface.third.projected import Projected
 from color_stereo_ros.core.surface.third.region_kernels import (
     find_known, find_region, reduce_firm, tiles_with)
 from color_stereo_ros.core.surface.third.sweep import (
     lens_change, places, prepared_for, straightened, sweep_matrix)
 from color_stereo_ros.core.surface.third.tuning import TUNING
+from color_stereo_ros.core.surface.third.view import least_firm
 import numpy as np
 from projected import CALIBRATION, LIMITS, projector
 import pytest
@@ -73,10 +71,36 @@ def test_the_region_is_what_is_lit_and_not_firm():
     np.testing.assert_array_equal(region[INNER], lit & ~firm[INNER])
 
 
+# firm nodes and nodes of the region of 16, all others are dark; whether the coarse one is known,
+# searched, and firm as a whole
+COARSE_NODES = (
+    (0, 0, False, False, False), (0, 1, False, True, False), (0, 12, False, True, False),
+    (0, 16, False, True, False), (3, 0, False, False, False), (3, 1, False, True, False),
+    (3, 13, False, True, False), (4, 12, True, False, False), (15, 1, True, False, False),
+    (16, 0, True, False, True))
+
+
+def test_a_coarse_node_is_searched_if_it_needs_a_seed_and_too_few_nodes_are_firm():
+    factor, h, w = 4, 2, len(COARSE_NODES) // 2
+    rng, least = np.random.default_rng(13), least_firm(factor)
+    firm, region = (np.zeros(SHAPE, bool) for _ in range(2))
+    for n, (firm_count, region_count, *_) in enumerate(COARSE_NODES):
+        y, x = (PAD + factor * index for index in divmod(n, w))
+        kinds = rng.permutation(np.repeat([1, 2, 0], [firm_count, region_count,
+                                                      16 - firm_count - region_count]))
+        block = kinds.reshape(factor, factor)
+        firm[y:y + factor, x:x + factor] = block == 1
+        region[y:y + factor, x:x + factor] = block == 2
+    known, (wanted, whole) = np.empty((h, w), F4), np.empty((2, h, w), bool)
+    reduce_firm(firm, region, np.full(SHAPE, 6, F4), factor, least, known, wanted, whole)
+    for expected, told in zip(list(zip(*COARSE_NODES))[2:], (known == 6, wanted, whole)):
+        np.testing.assert_array_equal(told.ravel(), expected)
+
+
 @pytest.mark.parametrize('factor', [2, 3])
-def test_a_coarse_node_is_known_if_enough_of_its_nodes_are_firm(factor):
+def test_what_is_known_of_a_coarse_node_is_the_mean_of_its_firm_nodes(factor):
     rng = np.random.default_rng(3)
-    h, w, least = ROWS // factor, COLUMNS // factor, math.ceil(factor ** 2 / 2)
+    h, w, least = ROWS // factor, COLUMNS // factor, least_firm(factor)
     firm, region = (framed(rng.random((ROWS, COLUMNS)) < 0.6) for _ in range(2))
     firm[PAD:PAD + factor, PAD:PAD + factor] = True
     region &= ~firm
@@ -89,9 +113,8 @@ def test_a_coarse_node_is_known_if_enough_of_its_nodes_are_firm(factor):
         there = firm[at].sum() >= least
         expected = d[at][firm[at]].mean() if there else np.nan
         assert known[y, x] == pytest.approx(expected, rel=1e-5, nan_ok=True)
-        assert wanted[y, x] == (not there and region[at].sum() > factor ** 2 - least)
-        assert whole[y, x] == firm[at].all()
-    assert whole.any() and wanted.any()
+        assert not (wanted[y, x] and there)
+    assert np.isfinite(known).any() and np.isnan(known).any()
 
 
 def test_tiles_with_some_of_the_nodes_are_found():
@@ -219,12 +242,3 @@ def test_a_lens_that_changes_a_little_keeps_the_images_and_the_places():
         shown.append(np.einsum('j,i,jic->c', [1 - t, t], [1 - s, s], part))
     # OpenCV places to 1/32 px
     np.testing.assert_allclose(*shown, atol=TUNING.sweep.prepared_places + 0.06)
-
-
-def test_the_images_of_another_lens_are_read_at_changed_places():
-    geometry, old, new = CALIBRATION.geometry, projector(distortion=0.01), projector(
-        distortion=0.0108)
-    pattern = np.zeros((384, 512, 3), np.uint8)
-    moved = Projected(old, pattern, geometry, 12.0, 0.0, 4).moved(new, geometry)
-    expected = lens_change(new, old)[0] @ sweep_matrix(new, geometry)
-    np.testing.assert_allclose(moved.sweep, expected, rtol=1e-5)

@@ -134,7 +134,7 @@ class ProjectorTracker:
         Compare a pair with the geometry; takes about two milliseconds.
 
         The model is brought up to date at some pairs only: at those whose patches have moved, and
-        at every so manyth.
+        at regular intervals.
 
         Parameters
         ----------

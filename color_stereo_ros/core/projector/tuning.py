@@ -38,7 +38,7 @@ class MatchingTuning(Constants):
         0.5, '1', 'Share of the mean brightness from which a pixel counts as lit.',
         unexplained('Dark pixels show noise.'))
     every: int = constant(
-        7, 'px', 'Every so manyth pixel is asked for the contrast.', derived('Saves time.'))
+        7, 'px', 'Lit pixels for each one that is asked for the contrast.', derived('Saves time.'))
     spread: float = constant(
         32.0, '1', 'Standard deviation to which chromaticities are stretched, of 255.',
         chosen('Cameras with crosstalk have a tenth of the contrast.'))

@@ -37,7 +37,8 @@ def follow_row(d, a, b, gate, told_d, told_a, told_b, told_variance, new_d, new_
     """
     Give the nodes of a tile row the planes of the row above, told, unless these are far away.
 
-    d, a, b are the planes so far: those farther than the gate, px, stay.
+    d, a, b are the planes so far: those farther than the gate, px, stay. Nothing was fitted to
+    these, so that their variance is inf.
 
     """
     for x in range(TILE_COLUMNS):
@@ -46,7 +47,7 @@ def follow_row(d, a, b, gate, told_d, told_a, told_b, told_variance, new_d, new_
         new_d[x] = here if near else d[x]
         new_a[x] = told_a[x] if near else a[x]
         new_b[x] = told_b[x] if near else b[x]
-        variance[x] = told_variance[x]
+        variance[x] = told_variance[x] if near else F4(np.inf)
 
 
 @banded()
@@ -55,9 +56,9 @@ def fit_region(k, weight, moment, d, a, b, region, tiles, reach, gate, stride, n
     """
     Least-squares planes of the nodes of a region, and of all others of smooth tiles.
 
-    As `plane_kernels.fit_planes`. Of tiles that need a gate only the lines that hold nodes of the
-    region, bool framed, are written. Only every stride-th of these lines is fitted, 1 or 2; the
-    line below takes its planes, see `follow_row`.
+    As `plane_kernels.fit_planes`. Of tiles that need a gate, groups of `stride` lines, 1 or 2, are
+    written if any of them holds nodes of the region, bool framed. The first line of a group is
+    fitted; the one below takes its planes, see `follow_row`.
 
     """
     first, last = band(k, tiles.shape[0])

@@ -56,12 +56,6 @@ class FusedPlanes:
         self.grid, self.d, self.a, self.b = grid, d, a, b
 
 
-def known_planes(planes):
-    """Return which nodes have a plane and a variance, bool (rows, columns)."""
-    inner = planes.grid.inner
-    return np.isfinite(planes.d[inner]) & np.isfinite(planes.variance[inner])
-
-
 MODEL_NAMES = 'form', 'agree', 'two_apart', 'third_apart', 'firm'
 EVIDENCE = ('two', 'third', 'witness', 'contested_two', 'contested_third', 'dim', 'nearer',
             'farther')
@@ -129,14 +123,23 @@ class Fusion:
 
     def inputs(self, found, verdict, planes):
         """Return the Inputs of a pair; see `fuse`."""
-        evidence, treated = self.evidence, self.treated
-        find_treated(found.treated, found.planes.d, found.planes.variance, treated)
+        evidence, treated = self.evidence, self.with_planes(found.planes, found.treated)
         self.own_odds(found.planes, treated)
         sort_nodes(planes.d, found.planes.d, verdict.log_odds, found.witness, found.firm, treated,
                    found.dim, evidence, self.kind, self.only_third, self.possible, self.odds,
                    self.third_odds)
         self.write_contested(found, planes)
         return Inputs(self.own, evidence, treated, self.kind, self.possible)
+
+    def with_planes(self, planes, region):
+        """
+        Return which nodes of a region, bool framed, have a plane and a variance.
+
+        bool (rows, columns); the array holds for one pair.
+
+        """
+        find_treated(region, planes.d, planes.variance, self.treated)
+        return self.treated
 
     def own_odds(self, planes, treated):
         """
@@ -200,7 +203,7 @@ class Fusion:
         """
         grid, inner = self.grid, self.grid.inner
         log_odds = np.full(grid.shape, HOPELESS, F4)
-        log_odds[inner] = np.where(lit[inner] & known_planes(planes), odds, HOPELESS)
+        log_odds[inner] = np.where(self.with_planes(planes, lit), odds, HOPELESS)
         grid.repeat_columns(log_odds)
         reason = np.full(grid.shape, Status.IMPLAUSIBLE, np.uint8)
         reason[~lit] = Status.DARK

@@ -81,8 +81,8 @@ def reduce_firm(k, firm, region, d, factor, least, known, wanted, whole):
 
     firm and region, bool, and d are framed. known, float32 (h, w): the mean disparity of the firm
     nodes of a coarse node, px, NaN where fewer than `least` of them are firm. wanted, bool: it is
-    not known, and more than all but `least` of its nodes belong to the region. whole, bool: all of
-    its nodes are firm.
+    not known, and any of its nodes belongs to the region: this one needs a seed. whole, bool: all
+    of its nodes are firm.
 
     """
     rows, columns = known.shape
@@ -110,7 +110,7 @@ def reduce_firm(k, firm, region, d, factor, least, known, wanted, whole):
                     total += totals[x]
                 enough = number >= least
                 known[row, start + n] = total / number if enough else NAN
-                wanted[row, start + n] = (inside > full - least) & (not enough)
+                wanted[row, start + n] = (inside > F4(0)) & (not enough)
                 whole[row, start + n] = number == full
 
 

@@ -187,7 +187,7 @@ def lens_change(model, prepared):
         return (stretch * rays)[:, :2] @ lens.camera_matrix[:2, :2].T
 
     away = moved(model) - moved(prepared)
-    fitted = np.linalg.lstsq(pixels, away)[0]
+    fitted = np.linalg.lstsq(pixels, away, rcond=None)[0]
     change = np.eye(3)
     change[:2] += fitted.T
     return change, float(np.abs(away - pixels @ fitted).max())

@@ -49,7 +49,9 @@ class SweepTuning(Constants):
     prepared_places: float = constant(
         0.1, 'px', 'Largest error of places, by a change of the lens that no affine map explains, '
         'up to which the straightened pattern is kept.',
-        derived('Half of the deviation of `use.phase_variance`.'))
+        derived('Half of the deviation of `use.phase_variance`, reached at the corners of the '
+                'pattern only. It is the same from pair to pair: disparities shift by it over the '
+                'movement of the place per disparity.'))
     lens_samples: int = constant(
         7, '1', 'Places across and down where two lenses are compared.',
         derived('Differences are polynomials of the third power.'))
@@ -186,7 +188,7 @@ class UseTuning(Constants):
     known_share: float = constant(
         0.25, '1', 'Share of firm nodes from which a coarse node is not searched.',
         chosen('Six scenes: 1 covers .0007 less, has as many wrong ranges, and takes .5 to 1.7 ms '
-               'more; .5 covers as much and takes .2 to .6 ms more.'))
+               'more; .5 covers as much and takes .2 to .6 ms more (791ce02).'))
     shadow_dim: float = constant(
         2.5, '1', 'Logarithm of how much brighter the surroundings are from which a node lies in '
         'the shadow of the projector.',

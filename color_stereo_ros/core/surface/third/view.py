@@ -23,7 +23,7 @@ import numpy as np
 from .colors import (
     explained, fitted_colors, Light, local_light, middle, resized, warm as warm_colors)
 from .fitting import RegionSquares
-from .fusion import Fusion, known_planes
+from .fusion import Fusion
 from .projected import Projected
 from .region_kernels import find_known, find_region, reduce_firm, tiles_with
 from .search import SweepSearch
@@ -229,8 +229,10 @@ class ThirdView:
 
     def lit(self):
         """Return the nodes whose color says something, bool framed."""
-        lit, left, inner = np.zeros(self.grid.shape, bool), self.views.left, self.grid.inner
-        lit[inner] = (left.variance[inner] < SILENT_VARIANCE) & (left.s[inner] > F4(1))
+        lit, nothing = np.zeros((2, *self.grid.shape), bool)
+        nodes, left = self.grid.nodes, self.views.left
+        find_region(np.ones(nodes, F4), left.s, left.variance, nothing,
+                    F4(TUNING.use.shadow_dim), np.empty(nodes, F4), lit)  # none is dim
         return lit
 
     def fused(self, planes, verdict, linearized, pair):
@@ -328,7 +330,7 @@ class ThirdView:
         lit, nothing = self.lit(), np.zeros(grid.shape, bool)
         for _ in range(TUNING.use.alone_rounds):
             self.fill(self.planes, nothing, self.seen, light, self.solver.linearized, pair, lit)
-            odds = self.fusion.own_odds(self.planes, known_planes(self.planes))
+            odds = self.fusion.own_odds(self.planes, self.fusion.with_planes(self.planes, lit))
             better = self.light(self.planes, odds)
             light = light if better is None else better
         return self.fusion.alone(self.planes, odds, self.geometry_variance(), lit, left)
@@ -439,8 +441,7 @@ class ThirdView:
         mine, coarse = self.planes, self.coarse
         shape, factor = coarse.disparity.shape, coarse.factor
         known, (wanted, whole) = np.empty(shape, F4), np.empty((2, *shape), bool)
-        least = F4(math.ceil(TUNING.use.known_share * factor ** 2))
-        reduce_firm(firm, region, planes.d, factor, least, known, wanted, whole)
+        reduce_firm(firm, region, planes.d, factor, least_firm(factor), known, wanted, whole)
         seeds = self.search.search(
             light.pattern, self.projected.size, light.colors, self.coarse_light, known, wanted,
             self.projected.sweep)
@@ -462,6 +463,11 @@ class ThirdView:
         with mine.rewriting(keep_unwritten=False) as (old, new):
             take_best(old.d, old.a, old.b, step, self.costs, best, open_nodes, new.d, new.a,
                       new.b)
+
+
+def least_firm(factor):
+    """Return how many of factor x factor nodes must be firm for their coarse node to be known."""
+    return F4(math.ceil(TUNING.use.known_share * factor ** 2))
 
 
 def some_projector(geometry):
