@@ -247,13 +247,13 @@ def test_what_a_kernel_calls_can_be_linked_after_the_rest_is_forgotten(tmp_path)
     """
     (tmp_path / 'linked.py').write_text(LINKED)
     (tmp_path / 'late.py').write_text(LATE)
-    ways = 'print(decorators._WAY.chosen is plain)\n'
-    forget = [FORGET + ways,
-              FORGET + 'print(outer(values), other(values), other(np.ones(3)))\n' + ways,
-              FORGET + 'from late import late\nforget_bitcode()\nprint(late(values), other(values))\n' + ways]
+    calls = ('',
+             'print(outer(values), other(values), other(np.ones(3)))\n',
+             'from late import late\nforget_bitcode()\nprint(late(values), other(values))\n')
     outputs = []
-    for code in forget:
-        ran = run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / 'cache'))
+    for call in calls:
+        ran = run(FORGET + call + 'print(decorators._WAY.chosen is plain)\n', tmp_path,
+                  NUMBA_CACHE_DIR=str(tmp_path / 'cache'))
         assert (ran.returncode, ran.stderr) == (0, '')
         outputs.append(ran.stdout.splitlines())
     first = '8.0 1.0 [True] [True] 1 1'
