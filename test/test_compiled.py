@@ -196,6 +196,71 @@ def test_both_ways_give_the_same_numbers(kernel, arguments):
     assert found[0] == found[1]
 
 
+LINKED = """
+from color_stereo_ros.core.compiled import serial
+
+@serial()
+def inner(values):
+    return values.sum()
+
+@serial()
+def other(values):
+    return values.max()
+
+@serial()
+def outer(values):
+    return 2 * inner(values)
+"""
+LATE = """
+from color_stereo_ros.core.compiled import serial
+from linked import inner, other
+
+@serial()
+def late(values):
+    return inner(values) + other(values)
+"""
+FORGET = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+from color_stereo_ros.core.compiled import decorators, forget_bitcode, plain
+from linked import inner, other, outer
+
+def kept(kernel):
+    return [compiled.library._shared_module is not None
+            for compiled in kernel.overloads.values()]
+
+values = np.ones(8, np.float32)
+print(inner(values), other(values), kept(inner), kept(other),
+      sum(inner.stats.cache_hits.values()), sum(other.stats.cache_hits.values()))
+forget_bitcode()
+print(kept(inner), kept(other))
+"""
+
+
+def test_what_a_kernel_calls_can_be_linked_after_the_rest_is_forgotten(tmp_path):
+    """
+    Kernels from the cache: only what is kept of them can be linked.
+
+    The first process fills the cache. `late` is defined when `other` is forgotten already.
+
+    """
+    (tmp_path / 'linked.py').write_text(LINKED)
+    (tmp_path / 'late.py').write_text(LATE)
+    calls = ('',
+             'print(outer(values), other(values), other(np.ones(3)))\n',
+             'from late import late\nforget_bitcode()\nprint(late(values), other(values))\n')
+    outputs = []
+    for call in calls:
+        ran = run(FORGET + call + 'print(decorators._WAY.chosen is plain)\n', tmp_path,
+                  NUMBA_CACHE_DIR=str(tmp_path / 'cache'))
+        assert (ran.returncode, ran.stderr) == (0, '')
+        outputs.append(ran.stdout.splitlines())
+    first = '8.0 1.0 [True] [True] 1 1'
+    assert outputs[1] == [first, '[True] [False]', '16.0 1.0 1.0', 'False']
+    assert outputs[2] == [first, '[True] [False]', '9.0 1.0', 'False']  # loaded once more
+
+
 def test_wrong_arguments_are_no_reason_to_give_the_fast_way_up(caplog):
     with pytest.raises(Exception, match='argument'):
         scaled(np.zeros(3, np.float32))

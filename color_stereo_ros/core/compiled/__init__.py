@@ -22,7 +22,7 @@ A kernel is a compiled loop that Python calls. Modules of kernels import from he
 - `part` is for a function that only kernels call.
 - `stack_array`, `stack_row`, `stack_integers` give a kernel small arrays on its stack.
 - `Arena` gives out buffers beside each other.
-- `forget_bitcode` frees what nobody needs of kernels that are loaded.
+- `forget_bitcode` frees what only callers would need of kernels that no kernel calls.
 - `told_of_compiling` and `is_cached` say whether kernels are compiled, and whether for good.
 - `one_thread` leaves the other cores to other processes.
 - `refuse_after_fork` keeps a forked process from hanging.

@@ -16,6 +16,7 @@
 The decorators of kernels, and the way out where numba's private parts are not as known.
 
 A *kernel* is a compiled loop that Python calls. A *part* is a function that only kernels call.
+Some kernels are called by other kernels, too.
 There are two ways to compile them: `internals`, with private parts of numba, and `plain`, without.
 `internals` is the first choice. It is given up when it cannot be imported or when a kernel does
 not compile. Then all kernels are compiled the plain way, and the log says so once.
@@ -92,6 +93,7 @@ class Kernel:
         """Take a function, and what makes a dispatcher of it: `make(way, function)`."""
         update_wrapper(self, function)
         self._function, self._make, self._made = function, make, {}
+        self._linked = self._forgotten = False
         _WAY.kernels.append(self)
 
     def __call__(self, *args):
@@ -123,6 +125,27 @@ class Kernel:
         if way not in self._made:
             self._made[way] = self._make(way, self._stamped(way))
         return self._made[way]
+
+    def linkable(self, way):
+        """Return what numba has made of the function, with what a kernel that calls it needs."""
+        self._linked = True
+        if self._forgotten:  # by a caller that was defined too late: from the cache once more
+            self._forgotten = False
+            self._made.clear()
+            vars(self).pop('dispatcher', None)
+        return self.made(way)
+
+    def called(self):
+        """Return the kernels that the function calls."""
+        scope = self._function.__globals__
+        found = (scope.get(name) for name in _names(self._function.__code__))
+        return [each for each in found if isinstance(each, Kernel)]
+
+    def forget(self):
+        """Return what numba has made, to be forgotten; nothing where a kernel calls this one."""
+        made = [] if self._linked else list(self._made.values())
+        self._forgotten |= bool(made)
+        return made
 
     def _stamped(self, way):
         """Return the function under the name of its machine code in the cache."""
@@ -168,15 +191,19 @@ class Kernel:
 
 def forget_bitcode():
     """
-    Free what numba keeps of all kernels for functions that would call them: 22 MB.
+    Free what numba keeps of kernels for functions that would call them.
 
-    Only Python calls kernels. They stay compiled, and can be compiled for other arguments.
+    Kernels that other kernels call keep it. The others stay compiled, and can be compiled for
+    other arguments.
 
     """
     if _WAY.chosen is plain:
         return  # nothing private of numba
     from .internals.linking import unlinked
-    unlinked([made for kernel in _WAY.kernels for made in list(kernel._made.values())])
+    for kernel in _WAY.kernels:
+        for each in kernel.called():  # also by kernels that have not run yet
+            each._linked = True
+    unlinked([made for kernel in _WAY.kernels for made in kernel.forget()])
 
 
 def banded(count=BANDS, **options):
@@ -264,7 +291,7 @@ def _bound(function, way):
 def _counterpart(value, way):
     """Return a part or kernel as made this way; any other value as it is."""
     if isinstance(value, Kernel):
-        return value.made(way)
+        return value.linkable(way)
     if way is plain and id(value) in _PARTS:
         return _PARTS[id(value)][1]()
     return value

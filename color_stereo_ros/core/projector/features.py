@@ -211,8 +211,8 @@ def _described(image, mask, scale, most=0):
     Return the places of features, px of the image before it was reduced; and descriptors.
 
     most: how many, those of the largest contrast; 0: all. SIFT takes 230 bytes for a pixel, and
-    so sees one tile of the image after the other. A tile reaches into its neighbors, but a feature
-    belongs to the tile that it lies in.
+    so sees one tile of the image after the other. A tile reaches into its neighbors, for the blur
+    of the largest features, but a feature belongs to the tile that it lies in.
 
     """
     tuning = TUNING.matching
@@ -239,8 +239,8 @@ def _described(image, mask, scale, most=0):
 
 def _spans(length):
     """Return the slices of about equal length, about `tile` at most, that make up a length."""
-    count, unit = -(-length // TUNING.matching.tile), TUNING.matching.seam
-    # multiples of a power of 2: SIFT halves images by leaving out pixels
+    count, unit = -(-length // TUNING.matching.tile), TUNING.matching.unit
+    # SIFT halves images by leaving out pixels: the same ones in each tile
     ends = [round(length * k / count / unit) * unit for k in range(count)] + [length]
     return [slice(*span) for span in zip(ends, ends[1:])]
 

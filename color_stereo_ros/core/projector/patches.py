@@ -173,9 +173,10 @@ def site_rows(height, step):
 
 @lru_cache(maxsize=8)
 def lines_around(height, step):
-    """Return the rows of pixels whose measurement `sites` reads, int64 (N,), ascending."""
-    rows = site_rows(height, step)[:, None] + np.array([-REACH, 0, REACH])
-    return np.unique(rows)
+    """Return the rows of pixels whose measurement `sites` reads, int64 (N,), read-only."""
+    rows = np.unique(site_rows(height, step)[:, None] + np.array([-REACH, 0, REACH]))
+    rows.flags.writeable = False  # all callers share it
+    return rows
 
 
 def sites(measured, step):

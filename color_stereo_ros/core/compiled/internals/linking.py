@@ -12,14 +12,19 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Forget what functions that call a kernel would need of it: Python alone calls kernels."""
+"""Forget what functions that call a kernel would need of it, where none does."""
 
 from numba.core.compiler_lock import global_compiler_lock
 
 
 @global_compiler_lock
 def unlinked(dispatchers):
-    """Free the intermediate code that numba keeps of every compiled function, to link it."""
+    """
+    Free the intermediate code that numba keeps of compiled functions, to link them.
+
+    What came from the cache cannot be linked afterwards: numba says "library unfit for linking".
+
+    """
     for dispatcher in dispatchers:
         for compiled in dispatcher.overloads.values():
             compiled.library._shared_module = None
