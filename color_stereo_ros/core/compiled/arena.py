@@ -68,7 +68,7 @@ class Arena:
 
 
 def memory(size):
-    """Return new bytes, uint8 (size,), at the begin of a huge page where the system has them."""
+    """Return new bytes, uint8 (size,), at the start of a huge page where the system has them."""
     if not hasattr(mmap, 'MAP_ANONYMOUS'):
         return np.empty(size, np.uint8)
     block = mmap.mmap(-1, size + HUGE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)

@@ -46,7 +46,7 @@ class Sites:
         return len(self.pixels)
 
     def every(self, step):
-        """Return every so manyth site."""
+        """Return one site of each `step`, the first one first."""
         return self.taken(np.s_[::step])
 
     def some(self, count):
