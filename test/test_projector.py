@@ -151,7 +151,7 @@ def test_a_linear_fit_gives_back_the_projection():
 
 @pytest.mark.parametrize('size', [1e-4, 1.0, 1e3], ids='{:g} m'.format)
 def test_a_pose_is_found_at_any_scale(size):
-    """OpenCV 5 refuses the points of a scene of some millimeters, see `posed`."""
+    """Points of a scene of some millimeters are refused by OpenCV 5, see `posed`."""
     evidence = evidence_of(TRUE, sigma=1e-6)
     evidence = replace(evidence, points=size * evidence.points)
     model, = posed(evidence, lens_of(TRUE), SIZE)

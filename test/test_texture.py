@@ -29,7 +29,7 @@ from color_stereo_ros.core.surface.texture import (
     between_nodes, details_show, drop_small_surfaces, likeness, more_alike, TextureSearch)
 from color_stereo_ros.core.surface.trust import Trust
 from color_stereo_ros.core.surface.trust_kernels import APART
-from color_stereo_ros.core.surface.tuning import detailed_tuning, tuning_for, TUNING
+from color_stereo_ros.core.surface.tuning import detailed_tuning, TUNING, tuning_for
 
 import cv2
 

@@ -49,8 +49,7 @@ def gray_of(image):
         White of the brightest channel stays what it is.
 
     """
-    if np.array_equal(image[..., 0], image[..., 1]) and np.array_equal(image[..., 1],
-                                                                      image[..., 2]):
+    if (image == image[..., :1]).all():
         return np.ascontiguousarray(image[..., 0])
     weights = np.array([0.25, 0.5, 0.25]) / channel_gains(image)
     gray = cv2.transform(image.astype(np.float32), np.float32(weights)[None])

@@ -144,8 +144,8 @@ def study(kind, seeds, width=640, **electronics):
     truth, board = rig(width), Board.usual(kind)
     poses = poses_for(truth, board)
     for seed in seeds:
-        yield outcome(truth, board, views_of(truth, board, held(poses, board, seed), seed,
-                                              **electronics))
+        seen = views_of(truth, board, held(poses, board, seed), seed, **electronics)
+        yield outcome(truth, board, seen)
 
 
 def summary(outcomes):
