@@ -196,7 +196,7 @@ def test_views_of_one_scene_are_alike_and_those_of_two_are_not():
 
 
 def planes_beside_seeds(likeness, plane=13.4, seed=13):
-    """Return planes without information, a carrier whose seeds are beside them, and the search."""
+    """Return planes without information, a carrier of seeds beside them, and what was found."""
     grid, views = views_of(13)
     views.grid = grid
     planes = PlaneField(grid, 1.0, True, Arena())
@@ -205,18 +205,19 @@ def planes_beside_seeds(likeness, plane=13.4, seed=13):
         array[grid.inner] = value
     carrier = BrightnessCarrier(views, TUNING, Arena())
     found = np.full(grid.nodes, seed / 2, F4)
-    carrier.rely_on(Seeds(found, 1, None, 0.0, likeness=np.full(grid.nodes, likeness, F4)), grid)
+    seeds = Seeds(found, 1, None, 0.0, likeness=np.full(grid.nodes, likeness, F4))
+    carrier.rely_on(seeds, grid)
     search = TextureSearch(grid, (-10, 20), TUNING)
     search.search(views, True)
-    return planes, carrier, search
+    return planes, carrier, (seeds, search)
 
 
 @pytest.mark.parametrize('likeness, believed', [(0.9, True), (0.2, False), (np.nan, False)])
 def test_a_plane_without_information_is_as_good_as_its_seed_where_views_are_alike(
         likeness, believed):
-    planes, carrier, search = planes_beside_seeds(likeness)
+    planes, carrier, found = planes_beside_seeds(likeness)
     grid = planes.grid
-    carrier.settle_disputes(planes, search)
+    carrier.settle_disputes(planes, *found)
     variance = planes.variance[grid.inner]
     if believed:
         np.testing.assert_allclose(variance, TUNING.brightness.uninformed_std ** 2)
@@ -227,8 +228,8 @@ def test_a_plane_without_information_is_as_good_as_its_seed_where_views_are_alik
 
 @pytest.mark.parametrize('plane, seed', [(16, 13), (13, 16), (np.nan, 13)])
 def test_a_seed_replaces_a_plane_only_where_it_fits_better(plane, seed):
-    planes, carrier, search = planes_beside_seeds(0.9, plane, seed)
-    carrier.settle_disputes(planes, search)
+    planes, carrier, found = planes_beside_seeds(0.9, plane, seed)
+    carrier.settle_disputes(planes, *found)
     middle = np.s_[5:-5, 15:-15]
     assert np.mean(np.abs(planes.d[planes.grid.inner][middle] - 13) < 0.01) > 0.99
     odds = TUNING.brightness.agreement_odds if seed == 13 else 0
@@ -236,8 +237,8 @@ def test_a_seed_replaces_a_plane_only_where_it_fits_better(plane, seed):
 
 
 def test_seeds_add_to_the_odds_of_planes_that_they_confirm():
-    planes, carrier, search = planes_beside_seeds(0.9)
-    carrier.settle_disputes(planes, search)
+    planes, carrier, found = planes_beside_seeds(0.9)
+    carrier.settle_disputes(planes, *found)
     planes.d[planes.grid.inner][:10] += 2
     confirmed, odds = carrier.confirmed(planes), TUNING.brightness.agreement_odds
     assert (confirmed[:10] == -odds).all() and (confirmed[10:] == odds).all()

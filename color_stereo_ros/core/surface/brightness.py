@@ -52,8 +52,7 @@ class BrightnessCarrier:
         self.nothing = np.zeros((0, 0), F4)
         self.shares = [None, None]
         self.seed = arena.full(views.left.s.shape, np.nan, F4)
-        self.likeness = np.full(views.grid.nodes, np.nan, F4)
-        self.beaten = np.zeros(views.grid.nodes, bool)
+        self.beaten = None
         self.window_nodes = (2 * tuning.planes.radius + 1) ** 2
         self.seed_weight = F4(0)
         self.seeded, self.active, self.scale = False, False, F4(1)
@@ -75,7 +74,7 @@ class BrightnessCarrier:
         agree = np.abs(self.seed[inner] - planes.d[inner]) < F4(1)
         return np.where(agree, odds, np.where(self.beaten, F4(0), -odds))
 
-    def settle_disputes(self, planes, search):
+    def settle_disputes(self, planes, seeds, search):
         """
         Let seeds take the place of planes that are far from them and fit worse.
 
@@ -90,8 +89,10 @@ class BrightnessCarrier:
         ----------
         planes : PlaneField
             Their d, a, b and variance are written.
+        seeds : Seeds
+            That planes rely on.
         search : TextureSearch
-            Has found the seeds.
+            Has found them.
 
         """
         if not self.seeded:
@@ -108,7 +109,7 @@ class BrightnessCarrier:
         for plane, value in ((planes.a, 0), (planes.b, 0),
                              (planes.variance, tuning.disputed_std ** 2)):
             plane[inner][replaced] = F4(value)
-        uninformed = (self.likeness > F4(tuning.informed_likeness)) & np.isinf(
+        uninformed = (seeds.likeness > F4(tuning.informed_likeness)) & np.isinf(
             planes.variance[inner]) & (np.abs(seed - d) < F4(1))
         planes.variance[inner][uninformed] = F4(tuning.uninformed_std ** 2)
 
@@ -186,7 +187,6 @@ class BrightnessCarrier:
 
         """
         self.seed[grid.inner] = F4(2) * found.disparity + F4(found.offset)
-        self.likeness = found.likeness
         self.beaten = np.zeros(found.likeness.shape, bool)
         self.seed_weight = F4(1 / ((std or self.tuning.seed_std) ** 2 * self.window_nodes))
         self.seeded = True

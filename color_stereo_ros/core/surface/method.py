@@ -203,7 +203,7 @@ class SurfaceMethod:
         views, planes = self.views, self.planes
         self.bend(views, planes, pair, clock)
         uneven = self.uneven(planes)  # of the fit: seeds are rougher
-        self.brightness.settle_disputes(planes, self.texture)
+        self.brightness.settle_disputes(planes, seeds, self.texture)
         verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
                                    self.brightness.light(views.left), uneven)
         if self.settings.matching.refinements:
