@@ -370,9 +370,8 @@ def cluster(folder, machines):
         await_listener(address)
         yield address, started[1:]
     finally:
-        for process in reversed(started):
+        for process in reversed(started):  # a worker whose scheduler has gone may wait for it
             process.terminate()
-        for process in started:
             process.wait(30)
 
 
