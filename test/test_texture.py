@@ -22,11 +22,13 @@ from color_stereo_ros.core.constants import replaced
 from color_stereo_ros.core.patterns.expectation import Expectation
 from color_stereo_ros.core.surface.brightness import BrightnessCarrier
 from color_stereo_ros.core.surface.coarse import Seeds
+from color_stereo_ros.core.surface.contest import Contest
 from color_stereo_ros.core.surface.grid import HalfGrid
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD
 from color_stereo_ros.core.surface.planes import PlaneField
 from color_stereo_ros.core.surface.texture import (
-    between_nodes, details_show, drop_small_surfaces, likeness, more_alike, TextureSearch)
+    between_nodes, clear_share, details_show, drop_small_surfaces, likeness, more_alike,
+    TextureSearch)
 from color_stereo_ros.core.surface.trust import Trust
 from color_stereo_ros.core.surface.trust_kernels import APART
 from color_stereo_ros.core.surface.tuning import detailed_tuning, TUNING, tuning_for
@@ -196,28 +198,27 @@ def test_views_of_one_scene_are_alike_and_those_of_two_are_not():
 
 
 def planes_beside_seeds(likeness, plane=13.4, seed=13):
-    """Return planes without information, a carrier of seeds beside them, and what was found."""
+    """Return planes without information, a carrier of seeds beside them, and the seeds."""
     grid, views = views_of(13)
-    views.grid = grid
     planes = PlaneField(grid, 1.0, True, Arena())
     for array, value in ((planes.d, plane), (planes.a, 0.1), (planes.b, 0),
                          (planes.variance, np.inf)):
         array[grid.inner] = value
+    views.grid = grid
     carrier = BrightnessCarrier(views, TUNING, Arena())
     found = np.full(grid.nodes, seed / 2, F4)
     seeds = Seeds(found, 1, None, 0.0, likeness=np.full(grid.nodes, likeness, F4))
     carrier.rely_on(seeds, grid)
-    search = TextureSearch(grid, (-10, 20), TUNING)
-    search.search(views, True)
-    return planes, carrier, (seeds, search)
+    return planes, carrier, seeds
 
 
 @pytest.mark.parametrize('likeness, believed', [(0.9, True), (0.2, False), (np.nan, False)])
 def test_a_plane_without_information_is_as_good_as_its_seed_where_views_are_alike(
         likeness, believed):
-    planes, carrier, found = planes_beside_seeds(likeness)
+    planes, carrier, seeds = planes_beside_seeds(likeness)
     grid = planes.grid
-    carrier.settle_disputes(planes, *found)
+    carrier.claims(grid)
+    carrier.settle(planes, seeds)
     variance = planes.variance[grid.inner]
     if believed:
         np.testing.assert_allclose(variance, TUNING.brightness.uninformed_std ** 2)
@@ -228,20 +229,53 @@ def test_a_plane_without_information_is_as_good_as_its_seed_where_views_are_alik
 
 @pytest.mark.parametrize('plane, seed', [(16, 13), (13, 16), (np.nan, 13)])
 def test_a_seed_replaces_a_plane_only_where_it_fits_better(plane, seed):
-    planes, carrier, found = planes_beside_seeds(0.9, plane, seed)
-    carrier.settle_disputes(planes, *found)
+    planes, carrier, seeds = planes_beside_seeds(0.9, plane, seed)
+    grid, views = views_of(13)
+    planes.a[grid.inner] = 0
+    Contest(grid, TUNING, Arena()).hold(
+        planes, TextureSearch(grid, (-10, 20), TUNING).plain(views, True),
+        np.zeros(grid.nodes, F4), carrier.claims(grid))
+    carrier.settle(planes, seeds)
     middle = np.s_[5:-5, 15:-15]
-    assert np.mean(np.abs(planes.d[planes.grid.inner][middle] - 13) < 0.01) > 0.99
+    assert np.mean(np.abs(planes.d[grid.inner][middle] - 13) < 0.01) > 0.99
     odds = TUNING.brightness.agreement_odds if seed == 13 else 0
     assert np.mean(carrier.confirmed(planes)[middle] == odds) > 0.99
 
 
+def test_seeds_replace_nothing_where_they_point_beyond_the_right_view():
+    planes, carrier, _ = planes_beside_seeds(0.9)
+    grid = planes.grid
+    beyond = 2 * np.arange(grid.columns) - 13 < TUNING.brightness.disputed_border
+    claims = carrier.claims(grid)[grid.inner]
+    assert beyond.any() and np.isnan(claims[:, beyond]).all()
+    assert (claims[:, ~beyond] == 13).all()
+
+
 def test_seeds_add_to_the_odds_of_planes_that_they_confirm():
-    planes, carrier, found = planes_beside_seeds(0.9)
-    carrier.settle_disputes(planes, *found)
-    planes.d[planes.grid.inner][:10] += 2
-    confirmed, odds = carrier.confirmed(planes), TUNING.brightness.agreement_odds
+    planes, carrier, seeds = planes_beside_seeds(0.9)
+    grid, odds = planes.grid, TUNING.brightness.agreement_odds
+    carrier.claims(grid)
+    carrier.settle(planes, seeds)
+    planes.d[grid.inner][:10] += 2
+    confirmed = carrier.confirmed(planes)
     assert (confirmed[:10] == -odds).all() and (confirmed[10:] == odds).all()
+
+
+@pytest.mark.parametrize('coarse, more', [(16, True), (13, False), (np.nan, True)])
+def test_the_search_for_texture_counts_where_it_finds_more(coarse, more):
+    grid, views = views_of(13)
+    search = TextureSearch(grid, (-10, 20), TUNING)
+    found = search.search(views, True)
+    planes = PlaneField(grid, 1.0, True, Arena())
+    planes.d[grid.inner] = coarse
+    assert search.finds_more(found, planes) is more
+
+
+def test_detail_may_show_where_it_is_clear_at_many_nodes():
+    rng = np.random.default_rng(1)
+    brightness = np.concatenate([rng.uniform(0.01, 0.02, 30), rng.uniform(0.1, 0.2, 70)])
+    assert clear_share(brightness, TUNING.brightness) == 0.7
+    assert clear_share(brightness[:0], TUNING.brightness) == 0
 
 
 def test_discord_takes_little_from_nodes_whose_surroundings_are_alike():

@@ -78,7 +78,7 @@ GLOBALS = {
     'NEIGHBORS',          # the four of them
     'WARM',               # the size of a pattern that nobody sees
     '(RIGHT_CAMERA, PROJECTOR)',  # bits of `views`
-    '(NOTHING, AGREE, FIRM, APART)',  # codes of nodes
+    '(NOTHING, AGREE, FIRM, APART)', '(OWN, SEED, NEIGHBOR)',  # codes of nodes
     'PATHS',              # what is needed of a coarse node
     'age',                # a count that begins at 0
     'PERCENT', 'MILLIMETERS',  # units for people

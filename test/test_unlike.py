@@ -125,7 +125,7 @@ def test_raised_colors_are_like_those_without_crosstalk(usual):
 def test_colors_that_go_back_are_the_same_bytes(usual):
     views = usual._method.views
     views.load(*pair(mixed_by(0.3), mixed_by(0.3)), np.zeros(7))
-    before = views.copied()
+    _, before = views.copied()
     views.lower_colors(views.raise_faint_colors())
     assert not views.raised
     assert all(np.array_equal(*each) for each in zip(before, views.colors()))

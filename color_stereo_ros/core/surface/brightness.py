@@ -52,6 +52,7 @@ class BrightnessCarrier:
         self.nothing = np.zeros((0, 0), F4)
         self.shares = [None, None]
         self.seed = arena.full(views.left.s.shape, np.nan, F4)
+        self.usable = arena.full(views.left.s.shape, np.nan, F4)
         self.beaten = None
         self.window_nodes = (2 * tuning.planes.radius + 1) ** 2
         self.seed_weight = F4(0)
@@ -74,43 +75,41 @@ class BrightnessCarrier:
         agree = np.abs(self.seed[inner] - planes.d[inner]) < F4(1)
         return np.where(agree, odds, np.where(self.beaten, F4(0), -odds))
 
-    def settle_disputes(self, planes, seeds, search):
+    def claims(self, grid):
         """
-        Let seeds take the place of planes that are far from them and fit worse.
+        Return the seeds that may take the place of planes, px, framed; NaN = none.
 
-        Near depth edges a window sees two surfaces, and the brightness against the surroundings
-        holds both; the search knows which one goes on. Elsewhere planes are right more often:
-        small windows of both views tell. Where the search has seen the repeated border of the
-        right view, its seeds replace nothing. A plane has no variance where its window changes
-        no more than its noise. Beside a seed it gets one, if the surroundings are alike in both
-        views.
+        Where the search has seen the repeated border of the right view, its seeds replace
+        nothing. The array holds until the next call.
+
+        """
+        seed = self.seed[grid.inner]
+        place = F4(2) * np.arange(grid.columns, dtype=F4) - seed
+        border = F4(self.tuning.disputed_border)
+        inside = (place >= border) & (place < F4(grid.width - 1) - border)
+        self.usable[grid.inner] = np.where(inside, seed, F4(np.nan))
+        return self.usable
+
+    def settle(self, planes, seeds):
+        """
+        Take the planes as they are after the contest with `claims`.
+
+        A plane has no variance where its window changes no more than its noise. Beside a seed it
+        gets one, if the surroundings are alike in both views.
 
         Parameters
         ----------
         planes : PlaneField
-            Their d, a, b and variance are written.
+            Their variance is written.
         seeds : Seeds
-            That planes rely on.
-        search : TextureSearch
-            Has found them.
+            Of the search.
 
         """
-        if not self.seeded:
-            return
         inner, tuning = planes.grid.inner, self.tuning
-        seed, d = self.seed[inner], planes.d[inner]
-        place = F4(2) * np.arange(planes.grid.columns, dtype=F4) - seed
-        border = F4(tuning.disputed_border)
-        inside = (place >= border) & (place < F4(planes.grid.width - 1) - border)
-        disputed = inside & ~(np.abs(seed - d) < F4(tuning.disputed_distance))
-        replaced = disputed & search.closer(seed, d)
-        self.beaten = disputed & ~replaced
-        np.copyto(d, seed, where=replaced)
-        for plane, value in ((planes.a, 0), (planes.b, 0),
-                             (planes.variance, tuning.disputed_std ** 2)):
-            plane[inner][replaced] = F4(value)
+        near = np.abs(self.seed[inner] - planes.d[inner]) < F4(1)
+        self.beaten = ~np.isnan(self.usable[inner]) & ~near
         uninformed = (seeds.likeness > F4(tuning.informed_likeness)) & np.isinf(
-            planes.variance[inner]) & (np.abs(seed - d) < F4(1))
+            planes.variance[inner]) & near
         planes.variance[inner][uninformed] = F4(tuning.uninformed_std ** 2)
 
     def light(self, view):

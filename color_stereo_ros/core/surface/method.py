@@ -51,6 +51,8 @@ from .aligning import Aligner, doubt
 from .bends import Bends
 from .brightness import BrightnessCarrier, without_color
 from .coarse import CoarseSearch
+from .contest import Contest
+from .contest_kernels import OWN
 from .even import Evening
 from .grid import HalfGrid
 from .grid_kernels import F4, SILENT_VARIANCE
@@ -62,7 +64,8 @@ from .quality import Quality
 from .rows import RowTracker
 from .shared import SharedErrors
 from .steps import Steps
-from .texture import color_detail, colors_of, detail, details_show, TextureSearch
+from .texture import (
+    clear_share, color_detail, colors_of, detail, details_show, TextureSearch)
 from .third.following import allow_third_view, Follower
 from .third.view import ThirdView
 from .trust import Trust
@@ -124,6 +127,7 @@ class SurfaceMethod:
         self.quality = Quality(grid, tuning.quality, arena)
         self.trust = Trust(grid, self.limits, settings, tuning, arena)
         self.steps = Steps(grid, tuning)
+        self.contest = Contest(grid, tuning, arena)
         self.shared = SharedErrors(grid, tuning.shared)
         self.rows = RowTracker(grid, tuning, arena)
         choice = settings.matching.row_alignment
@@ -158,6 +162,7 @@ class SurfaceMethod:
         self.coarse.rival_share()
         self.coarse.period_odds(found)
         brightness.rely_on(found, views.grid)
+        self.settle_disputes(views, planes, found)
         neutral = PairModel.neutral(views)
         self.linearize(views, planes.seed(found), neutral, planes.tiles[:1])
         if self.settings.matching.refinements:  # slow colors without detail ask for none of this
@@ -203,11 +208,11 @@ class SurfaceMethod:
         views, planes = self.views, self.planes
         self.bend(views, planes, pair, clock)
         uneven = self.uneven(planes)  # of the fit: seeds are rougher
-        self.brightness.settle_disputes(planes, seeds, self.texture)
-        verdict = self.trust.judge(views, planes, seeds, self.brightness.confirmed(planes),
-                                   self.brightness.light(views.left), uneven)
+        if self.brightness.seeded:
+            self.settle_disputes(views, planes, seeds)
+        verdict = self.judge(views, planes, seeds, uneven)
         if self.settings.matching.refinements:
-            self.steps.doubt(planes, verdict, self.quality)
+            self.doubt_steps(views, planes, seeds, uneven, verdict)
         if self.aligner is not None and not (
                 seeds.alike_share > self.tuning.brightness.agreeing_share):
             verdict.log_odds[:] -= F4(doubt(alignment))
@@ -355,6 +360,40 @@ class SurfaceMethod:
             self.bends.correct(solver.linearized, views, planes, pair, solver, self.linearize)
             clock.lap('bend', planes)
         solver.correct_variance(planes)
+
+    def judge(self, views, planes, seeds, uneven):
+        """Return the Verdict on the planes, see `Trust.judge`."""
+        brightness = self.brightness
+        return self.trust.judge(views, planes, seeds, brightness.confirmed(planes),
+                                brightness.light(views.left), uneven)
+
+    def settle_disputes(self, views, planes, seeds):
+        """
+        Let seeds and the planes of neighbors take the place of planes that fit worse.
+
+        Near depth edges a window sees two surfaces, and the brightness against the surroundings
+        holds both; the search knows which one goes on. Writes d, a, b and variance of planes.
+
+        """
+        self.contest.hold(planes, self.texture.compared, self.trust.usual_balance(views, planes),
+                          self.brightness.claims(views.grid))
+        self.brightness.settle(planes, seeds)
+
+    def doubt_steps(self, views, planes, seeds, uneven, verdict):
+        """
+        Doubt ranges beside steps where the pair says little there; see `measure`.
+
+        Blur, noise and compression mix two surfaces in a window of the least squares. Smaller
+        windows tell better then which one a node belongs to. Where the pair says enough, they
+        tell no more. Writes verdict and, of planes, d, a, b and variance.
+
+        """
+        if self.steps.weak(verdict, self.quality) and not self.brightness.seeded:
+            winner = self.contest.hold(planes, self.texture.plain(views, self.gray),
+                                       self.trust.usual_balance(views, planes))
+            self.judge(views, planes, seeds, uneven)
+            self.steps.bound(verdict, winner != OWN)
+        self.steps.doubt(planes, verdict, self.quality)
 
     def uneven(self, planes):
         """
@@ -614,29 +653,41 @@ class SurfaceMethod:
         Return the seeds of the search for texture, or of the coarse search where there is none.
 
         Without detail at most nodes brightness does not count. Slow colors are then averaged, and
-        otherwise fitted like others.
+        otherwise fitted like others. Where there may be detail the search for texture is asked,
+        too: it decides by what it finds.
 
         """
-        brightness, tuning = self.brightness, self.tuning.brightness
         slow = self.tuning.views.averaging_radius > 0
-        lit = views.left.variance[views.grid.inner] < SILENT_VARIANCE
-        level = tuple(plane[views.grid.inner] for plane in brightness.planes[0])
-        colors = F4(0) if slow else detail(colors_of(views), tuning)[lit]
-        detailed = details_show(detail([level], tuning)[lit], colors, tuning)
-        if detailed:
-            self.suit(self.detailed)
-        elif slow:
+        detailed, possible = self.detail_shown(views, slow)
+        found = self.texture.search(views, False) if detailed or possible else None
+        averaged = slow and not detailed
+        if averaged:
+            kept = views.copied()
             views.average()
         coarse = self.coarse.seeds if self.expectation.aperiodic else self.coarse.search(views)
+        if found is not None and not detailed:
+            detailed = self.texture.finds_more(found, self.planes.seed(coarse))
+            if detailed and averaged:
+                views.restore(kept)
         if not detailed:
-            brightness.rest()
+            self.brightness.rest()
             return coarse
-        found = self.texture.search(views, False)
-        brightness.rely_on(found, views.grid)
+        self.suit(self.detailed)
+        self.brightness.rely_on(found, views.grid)
         if self.expectation.aperiodic or self.expectation.repeats:
             clear, odds = self.coarse.period_odds(found)
             return replace(found, clear_share=clear, period_odds=odds)
         return found
+
+    def detail_shown(self, views, slow):
+        """Return whether most nodes have detail, and whether they may; slow: not in color."""
+        tuning, inner = self.tuning.brightness, views.grid.inner
+        lit = views.left.variance[inner] < SILENT_VARIANCE
+        level = tuple(plane[inner] for plane in self.brightness.planes[0])
+        brightness = detail([level], tuning)[lit]
+        colors = F4(0) if slow else detail(colors_of(views), tuning)[lit]
+        return (details_show(brightness, colors, tuning),
+                clear_share(brightness, tuning) > tuning.possible_share)
 
     def suit(self, tuning):
         """Fit and judge by the constants of a Tuning from here on."""

@@ -59,6 +59,16 @@ class Steps:
         if weak > 0:
             self.lower(planes, verdict, rough, weak * self.tuning.odds)
 
+    def weak(self, verdict, quality):
+        """Return whether a pair says so little beside its steps that ranges are doubted."""
+        return self.weakness(verdict, quality, self.roughness(quality)) > 0
+
+    def bound(self, verdict, nodes):
+        """Let no node of some, bool (rows, columns), be surer than doubted ones may be."""
+        odds = verdict.log_odds[self.grid.inner]
+        np.minimum(odds, F4(self.tuning.kept_odds), out=odds, where=nodes)
+        self.grid.repeat_columns(verdict.log_odds)
+
     def roughness(self, quality):
         """
         Return how far the surroundings of the samples of Quality are rough, float32 (h, w), 0..1.

@@ -50,7 +50,7 @@ class TextureSearch:
         self.first = math.floor(max(limits[0], 1 - self.columns))
         last = math.ceil(min(limits[1], self.columns - 1))
         self.count = self.taken(last - self.first + 1)
-        self.searched = None
+        self.compared = None
 
     def taken(self, count):
         """Return the number of disparities that OpenCV's matchers take in place of a count."""
@@ -83,8 +83,7 @@ class TextureSearch:
 
         """
         channels = 1 if gray else 3
-        plain, evened = ([self.image(view, channels, even) for view in (views.left, views.right)]
-                         for even in (False, True))
+        plain, evened = (self.images(views, gray, even) for even in (False, True))
         first, count = self.first, self.count
         if count > self.tuning.many_disparities:
             first, count = self.narrowed(evened)
@@ -92,21 +91,26 @@ class TextureSearch:
         found, alike = more_alike(plain, *(matched(matcher, images, first, count)[:, ::2]
                                            for images in (plain, evened)), self.tuning)
         share = float(np.mean(alike > F4(self.tuning.alike)))
-        self.searched = plain
+        self.compared = at_nodes(plain)
         return Seeds(found * F4(0.5), 1, None, 0.0, alike_share=share, likeness=alike)
 
-    def closer(self, one, other):
+    def finds_more(self, found, planes):
         """
-        Return where one disparity of the nodes fits better than another, bool (rows, columns).
+        Return whether a search finds clearly more of what is alike in a pair than planes do.
 
-        Small windows of the pair that was searched last are compared.
-
-        one, other: float32 (rows, columns), px; an unknown one fits worse than any other.
+        Parameters
+        ----------
+        found : Seeds
+            Of the last search.
+        planes : PlaneField
+            The disparities of their nodes are compared.
 
         """
-        first, second = (np.nan_to_num(likeness(
-            self.searched, each, self.tuning.disputed_window, 2), nan=-2) for each in (one, other))
-        return first > second
+        left, right = self.compared
+        others = likeness((left, right), planes.d[self.grid.inner], self.tuning.compared_window,
+                          2, thinned=True)
+        gain = np.mean(np.nan_to_num(found.likeness)) - np.mean(np.nan_to_num(others))
+        return bool(gain > self.tuning.least_better)
 
     def narrowed(self, images):
         """
@@ -132,6 +136,14 @@ class TextureSearch:
         high = min(self.first + self.count - 1, math.ceil(kept[-1 - beyond]) + margin)
         return low, self.taken(high - low + 1)
 
+    def plain(self, views, gray):
+        """Return the colors of a pair as they are, see `Contest.hold`."""
+        return at_nodes(self.images(views, gray, False))
+
+    def images(self, views, gray, even):
+        """Return the images of both views, see `image`; gray: of one channel."""
+        return [self.image(view, 1 if gray else 3, even) for view in (views.left, views.right)]
+
     def image(self, view, channels, even):
         """
         Return the colors of a view, one row per node, uint8 (rows, 2 columns, channels).
@@ -151,6 +163,12 @@ class TextureSearch:
         out = np.empty((nodes, columns * step, channels), np.uint8)
         local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, F4(level), out)
         return out if step > 1 else between_nodes(out)
+
+
+def at_nodes(images):
+    """Return left and right images, the left one with a column per node only."""
+    left, right = images
+    return np.ascontiguousarray(left[:, ::2]), right
 
 
 def matched(matcher, images, first, count):
@@ -214,7 +232,7 @@ def more_alike(images, plain, evened, tuning):
     return np.where(chosen, plain, evened), np.where(chosen, first, second)
 
 
-def likeness(images, disparity, window, step=1):
+def likeness(images, disparity, window, step=1, thinned=False):
     """
     Return how alike two images are around the matches, float32 (h, w / step), -1 .. 1.
 
@@ -230,7 +248,9 @@ def likeness(images, disparity, window, step=1):
     window : int
         Width and height of the windows, places.
     step : int
-        Columns of the left image per place.
+        Columns of the right image per place, and of the left one.
+    thinned : bool
+        The left image has a column per place.
 
     """
     known = np.isfinite(disparity)
@@ -238,7 +258,7 @@ def likeness(images, disparity, window, step=1):
         np.int32)
     np.clip(place, 0, images[1].shape[1] - 1, out=place)
     left, right = images
-    left = left[:, ::step].astype(F4)
+    left = (left if thinned else left[:, ::step]).astype(F4)
     right = np.take_along_axis(right, place[..., None], axis=1).astype(F4)
 
     def covariance(one, other, *means):
@@ -321,9 +341,15 @@ def details_show(brightness, colors, tuning):
     found = np.maximum(brightness, colors)
     if np.mean(found >= F4(tuning.least_detail)) > tuning.detailed_share:
         return True
+    return clear_share(brightness, tuning) > tuning.clear_share
+
+
+def clear_share(brightness, tuning):
+    """Return the share of lit nodes whose detail, float32 (N,), is clearly above the quietest."""
+    if not brightness.size:
+        return 0.0
     quietest = max(np.quantile(brightness, tuning.quietest), tuning.least_noise)
-    clear = brightness > F4(tuning.clear_detail * quietest)
-    return bool(np.mean(clear) > tuning.clear_share)
+    return float(np.mean(brightness > F4(tuning.clear_detail * quietest)))
 
 
 def colors_of(views):

@@ -851,6 +851,29 @@ class StepTuning(Constants):
 
 
 @dataclass(frozen=True)
+class ContestTuning(Constants):
+    """The contest of planes in small windows beside steps of the disparity."""
+
+    reach: int = constant(
+        1, 'nodes', 'Radius of the windows that are compared.',
+        chosen('2: right .8928 -> .8922, mean of 29 pairs whose brightness counts.'),
+        compiled=True)
+    cap: float = constant(
+        10.0, 'DN', 'Largest difference of a node, per channel.',
+        chosen('7 to 20: right within .002, mean of 29 pairs.'), off=0.0)
+    margin: float = constant(
+        0.2, 'DN', 'By how much another plane must fit better, per node of a window and channel.',
+        chosen('0: photographs .8934, simulated .8789, others .9281 right; .2: .8951, .8787, '
+               '.9282; 1: .8949, .8757, .9256.'))
+    step: float = constant(
+        1.5, 'px', 'Range of the disparity around a node from which it lies beside a step.',
+        unexplained('Above the noise of planes, below the steps that matter.'))
+    step_reach: int = constant(
+        2, 'nodes', 'How far a step is looked for.',
+        chosen('4: the same figures, nodes of the contest .61 -> .75; 1: right .0005 less.'))
+
+
+@dataclass(frozen=True)
 class SharedTuning(Constants):
     """Errors of colors that a whole window shares, under colors that change slowly."""
 
@@ -1021,14 +1044,6 @@ class BrightnessTuning(Constants):
     seed_gate: float = constant(
         1.5, 'px', 'Distance of a seed up to which it holds a plane.',
         unexplained('As `planes.gates`.'))
-    disputed_distance: float = constant(
-        1.0, 'px', 'Distance of a seed from a plane from which the seed replaces the plane.',
-        chosen('A plane further away is not the same match. Eight pairs of casting and '
-               'effector_bin: right .8585 -> .8687, hi .91 -> .81 %.'), off=math.inf)
-    disputed_window: int = constant(
-        5, 'nodes', 'Width and height of the windows in which the seed must fit better.',
-        chosen('Right before the seeds replace planes, after that, and with these windows, means: '
-               '19 photographs .845 .815 .838, 20 simulated pairs .908 .911 .914; 9: .840, .913.'))
     disputed_border: float = constant(
         4.0, 'px', 'Distance from the border of the right view up to which a seed replaces '
         'nothing.', derived('The windows of the search reach 2 px; a match moves by some px.'))
@@ -1058,6 +1073,11 @@ class BrightnessTuning(Constants):
         0.75, '1', 'Share of nodes with so much detail from which brightness counts, too.',
         chosen('Half of the nodes of a bare casting have shading, and half have nothing.'),
         off=math.inf)
+    possible_share: float = constant(
+        0.6, '1', 'As `clear_share`, from which the search for texture is asked whether it finds '
+        'more.', chosen('Wood as photographed .68, a bare casting under slow colors .54. Means of '
+                        'how alike its matches are, less those of the coarse search: .13; -.08 '
+                        'to -.03 on bare surfaces.'), off=math.inf)
     least_noise: float = constant(
         0.007, '1', 'Least detail that the quietest nodes count as.',
         derived('Twice the quantization of the channels: 2 * 3 / 12 DN^2 of 70 DN^2 at 150 DN.'))
@@ -1366,6 +1386,7 @@ class Tuning(Constants):
     bends: BendTuning = BendTuning()
     quality: QualityTuning = QualityTuning()
     steps: StepTuning = StepTuning()
+    contest: ContestTuning = ContestTuning()
     shared: SharedTuning = SharedTuning()
     brightness: BrightnessTuning = BrightnessTuning()
     neighbors: NeighborTuning = NeighborTuning()

@@ -174,8 +174,8 @@ class Views:
 
         Returns
         -------
-        kept : list of numpy.ndarray or None
-            The colors as they were; None where nothing has changed.
+        kept : tuple or None
+            See `copied`; None where nothing has changed.
 
         """
         (least, most), tuning = self.contrasts, self.tuning
@@ -190,19 +190,23 @@ class Views:
 
     def lower_colors(self, kept):
         """Undo `raise_faint_colors`, which has returned this."""
-        for each, old in zip(self.colors(), kept):
-            each[:] = old
+        self.take_back(kept)
         self.raised = False
 
     def copied(self):
-        """Return what `restore` takes: the colors of both views as they are now."""
-        return [each.copy() for each in self.colors()]
+        """Return what `restore` takes: the colors of both views as they are, and their noise."""
+        return self.noise_weight, [each.copy() for each in self.colors()]
 
     def restore(self, kept):
         """Take back what has changed in the colors since `copied` returned this."""
-        for each, old in zip(self.colors(), kept):
-            each[:] = old
+        self.take_back(kept)
         self.evened = 0.0
+
+    def take_back(self, kept):
+        """Write what `copied` has returned."""
+        self.noise_weight, colors = kept
+        for each, old in zip(self.colors(), colors):
+            each[:] = old
 
     def colors(self):
         """Return the arrays of colors that are changed where views are made alike."""

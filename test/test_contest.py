@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 color_stereo_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The contest: small windows tell which plane a node beside a step belongs to."""
+
+from color_stereo_ros.core.compiled import Arena
+from color_stereo_ros.core.surface.contest import Contest
+from color_stereo_ros.core.surface.contest_kernels import NEIGHBOR, OWN, SEED
+from color_stereo_ros.core.surface.grid import HalfGrid
+from color_stereo_ros.core.surface.grid_kernels import F4, PAD
+from color_stereo_ros.core.surface.planes import PlaneField
+from color_stereo_ros.core.surface.tuning import TUNING
+
+import cv2
+
+import numpy as np
+
+import pytest
+
+ROWS, COLUMNS = 40, 64
+EDGE = 32  # column of the nodes at which the near surface begins
+FAR, NEAR = 6.0, 18.0  # disparities, px
+CONTEST, SEED_VARIANCE = TUNING.contest, TUNING.brightness.disputed_std ** 2
+
+
+def light_of(shape, rng):
+    """Return fine texture, uint8 (rows, columns, 3)."""
+    light = cv2.GaussianBlur(rng.normal(size=(*shape, 3)), (0, 0), 1.2)
+    return np.clip(120 + 160 * light, 0, 255).astype(np.uint8)
+
+
+def step_pair(gain=1.0):
+    """Return the images of a far surface and of a near one on its right, see `Contest.hold`."""
+    rng = np.random.default_rng(3)
+    width = 2 * COLUMNS
+    far, near = (light_of((ROWS, width + 64), rng) for _ in range(2))
+    left = np.where(np.arange(width)[:, None] < 2 * EDGE, far[:, 32:-32], near[:, 32:-32])
+    place = np.arange(width)
+    right = far[:, place + 32 + int(FAR)].copy()
+    seen = (place + int(NEAR) >= 2 * EDGE) & (place + int(NEAR) < width)
+    right[:, seen] = near[:, place[seen] + 32 + int(NEAR)]
+    right = np.clip(right / gain, 0, 255).astype(np.uint8)
+    return np.ascontiguousarray(left[:, ::2]), right
+
+
+def truth():
+    """Return the disparities of the nodes."""
+    return np.broadcast_to(np.where(np.arange(COLUMNS) < EDGE, FAR, NEAR), (ROWS, COLUMNS))
+
+
+def mixed_planes(shift=3):
+    """Return planes whose step lies some nodes beside the true one."""
+    grid = HalfGrid(2 * ROWS, 2 * COLUMNS)
+    planes = PlaneField(grid, 1.0, True, Arena())
+    planes.d[grid.inner] = np.roll(truth(), shift, axis=1)
+    planes.d[grid.inner][:, :shift] = FAR
+    for array, value in ((planes.a, 0), (planes.b, 0), (planes.variance, 0.04)):
+        array[grid.inner] = value
+    return planes
+
+
+def held(planes, images, seed=None, balance=0.0):
+    """Hold one contest; return the winners."""
+    grid = planes.grid
+    return Contest(grid, TUNING, Arena()).hold(
+        planes, images, np.full(grid.nodes, balance, F4), seed).copy()
+
+
+def right_share(planes):
+    """Return the share of nodes of the right surface, but those beside the border."""
+    inner = np.s_[2:-2, 10:-2]
+    return np.mean(np.abs(planes.d[planes.grid.inner] - truth())[inner] < 0.1)
+
+
+def test_a_step_goes_where_small_windows_see_it():
+    planes, images = mixed_planes(), step_pair()
+    before = right_share(planes)
+    for _ in range(3):  # a plane travels one node in each contest
+        winner = held(planes, images)
+    assert before < 0.95 and right_share(planes) > 0.99
+    assert np.mean(winner == OWN) > 0.95
+
+
+def test_seeds_win_at_once():
+    planes = mixed_planes()
+    seed = np.full(planes.grid.shape, np.nan, F4)
+    seed[planes.grid.inner] = truth()
+    winner = held(planes, step_pair(), seed)
+    assert right_share(planes) > 0.99
+    won = winner == SEED
+    assert won.any() and (planes.variance[planes.grid.inner][won] == F4(SEED_VARIANCE)).all()
+
+
+def test_a_surface_without_steps_keeps_its_planes():
+    planes = mixed_planes()
+    inner = planes.grid.inner
+    planes.d[inner] = FAR + np.random.default_rng(1).normal(0, 0.1, planes.grid.nodes)
+    kept = planes.d[inner].copy()
+    assert (held(planes, step_pair()) == OWN).all()
+    assert np.array_equal(planes.d[inner], kept)
+
+
+@pytest.mark.parametrize('gain', [0.7, 1.4])
+def test_light_of_which_one_camera_sees_more_is_evened_out(gain):
+    planes, images = mixed_planes(), step_pair(gain)
+    for _ in range(3):
+        held(planes, images, balance=(gain - 1) / (gain + 1))
+    assert right_share(planes) > 0.98
+
+
+def test_a_neighbor_hands_over_its_slope_and_its_variance():
+    planes = mixed_planes(1)
+    inner = planes.grid.inner
+    planes.a[inner], planes.b[inner] = 0.02, 0.01
+    planes.variance[inner] = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
+    before = [each[inner].copy() for each in (planes.d, planes.a, planes.b, planes.variance)]
+    winner = held(planes, step_pair())
+    changed = np.argwhere(winner == NEIGHBOR)
+    assert changed.size
+    for y, x in changed[1:-1]:
+        sources = [(y + j, x + i, j, i) for j, i in ((1, 0), (-1, 0), (0, 1), (0, -1))
+                   if 0 <= y + j < ROWS and 0 <= x + i < COLUMNS]
+        assert any(np.allclose(
+            (planes.d[inner][y, x], planes.variance[inner][y, x]),
+            (before[0][v, u] - before[1][v, u] * i - before[2][v, u] * j, before[3][v, u]))
+            for v, u, j, i in sources)
+
+
+def naive_difference(left, right, gain, y, x, plane, cap):
+    """See `contest_kernels.window_difference`."""
+    d, a, b = plane
+    rows, columns, _ = left.shape
+    total = 0.0
+    for row, column in ((min(max(y + j, 0), rows - 1), min(max(x + i, 0), columns - 1))
+                        for j in (-1, 0, 1) for i in (-1, 0, 1)):
+        place = 2 * column - (d + a * (column - x) + b * (row - y))
+        if not 0 <= place < right.shape[1] - 1:
+            total += cap
+            continue
+        at = int(place)
+        found = (1 - place + at) * right[row, at].astype(float) + (
+            place - at) * right[row, at + 1].astype(float)
+        total += min(np.abs(left[row, column] - gain * found).sum(), cap)
+    return total
+
+
+def test_the_kernel_agrees_with_its_naive_twin():
+    rng = np.random.default_rng(8)
+    left, right = step_pair()
+    planes = mixed_planes()
+    grid, inner = planes.grid, planes.grid.inner
+    planes.d[inner] += rng.normal(0, 2, grid.nodes)
+    planes.d[inner][rng.random(grid.nodes) < 0.05] = np.nan
+    planes.a[inner], planes.b[inner] = rng.normal(0, 0.1, (2, *grid.nodes))
+    planes.variance[inner] = rng.uniform(0.01, 1, grid.nodes)
+    seed = np.full(grid.shape, np.nan, F4)
+    seed[inner] = np.where(rng.random(grid.nodes) < 0.5, truth(), np.nan)
+    balance = rng.uniform(-0.2, 0.2, grid.nodes).astype(F4)
+    old = [each.copy() for each in (planes.d, planes.a, planes.b, planes.variance)]
+    contest = Contest(grid, TUNING, Arena())
+    wanted = contest.wanted(planes.d, seed)
+    winner = contest.hold(planes, (left, right), balance, seed)
+    cap, margin = 3 * CONTEST.cap, 27 * CONTEST.margin
+    for y, x in zip(*(rng.integers(0, count, 400) for count in grid.nodes)):
+        d, a, b, variance = (each[y + PAD, x + PAD] for each in old)
+        best, least = (d, a, b, variance, OWN), np.inf
+        if wanted[y, x]:
+            gain = (1 + balance[y, x]) / (1 - balance[y, x])
+            candidates = [(seed[y + PAD, x + PAD], 0, 0, SEED_VARIANCE, SEED)]
+            for j, i in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                there = [each[y + PAD + j, x + PAD + i] for each in old]
+                candidates.append((there[0] - there[1] * i - there[2] * j, *there[1:], NEIGHBOR))
+            if np.isfinite(d):
+                least = naive_difference(left, right, gain, y, x, (d, a, b), cap) - margin
+            for candidate in candidates:
+                if np.isfinite(candidate[0]):
+                    cost = naive_difference(left, right, gain, y, x, candidate[:3], cap)
+                    if cost < least - 1e-3:  # float32 sums
+                        best, least = candidate, cost
+        got = [each[inner][y, x] for each in (planes.d, planes.a, planes.b, planes.variance)]
+        np.testing.assert_allclose(got, best[:4], rtol=1e-5, atol=1e-5)
+        assert winner[y, x] == best[4]
