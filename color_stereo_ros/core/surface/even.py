@@ -150,14 +150,14 @@ class Evening:
                          tuning.first_turns if first else tuning.turns)
         if fit.explained < tuning.least_explained:
             return None
-        blur = np.stack([fit.value('blur', axis, LINEAR) for axis in range(2)])
+        blur = blur_of(fit, LINEAR)
         oblique = float(fit.value('blur', 2, 1)[0])
         if abs(oblique) < tuning.least_oblique * np.abs(blur[:, 0]).max():
             oblique = 0.0
         gain = np.stack([fit.value('gain', gauge, QUADRATIC) for gauge in range(2)])
         matrix = np.stack([fit.value('matrix', row, 2) for row in range(2)])
         gamma = float(fit.value('gamma', 0, 1)[0])
-        blurs, gains = over(fit, blur, LINEAR), over(fit, gain, QUADRATIC)
+        blurs, gains = over(fit, blur), over(fit, gain)
         amount = max(np.abs(blurs).mean(axis=1).max(), abs(oblique))
         blurred = amount > share * tuning.least_blur and fit.certain('blur') > tuning.certain
         strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
@@ -174,10 +174,11 @@ class Evening:
         if first:  # something differs: look closely
             return self.measure(views, planes, tuning.next_steps, share)
         if blurred:
+            blur, blurs = self.curved(samples, views, blur, blurs)
             # a loss of contrast looks like blur, and the other way round
             gamma, matrix, strength = 0.0, np.zeros_like(matrix), (strength[0], 0.0, 0.0)
         bands = self.bands(views, planes) if banded else ()
-        size = max(amount / tuning.large_blur if blurred else 0,
+        size = max(largest(blur) / tuning.large_blur if blurred else 0,
                    max(strength[0] / tuning.large_gain, max(strength[1:]) / tuning.large_mix)
                    if recolored else 0,
                    1.0 if bands else 0)
@@ -186,6 +187,25 @@ class Evening:
         return Unlikeness(blur if blurred else np.zeros_like(blur), tuning.blur_step * oblique,
                           gain, gamma, matrix, limits(blurs), limits(gains), bands, shift,
                           blurred, recolored or banded, size)
+
+    def curved(self, samples, views, blur, blurs):
+        """
+        Return coefficients and values of the blur, quadratic if that makes it another one.
+
+        The field of a lens is curved: its corners are out of focus. Rough matches feign that, too,
+        but less.
+
+        """
+        tuning = self.tuning
+        fit = Regression(samples, views, tuning, self.blur, self.color, tuning.turns, QUADRATIC)
+        found = blur_of(fit, QUADRATIC)
+        flat = found.copy()
+        flat[:, :LINEAR] = 0
+        bent = np.abs(over(fit, flat)).mean(axis=1).max()
+        if (bent < tuning.curved_share * np.abs(blurs).mean(axis=1).max()
+                or fit.certain('blur', LINEAR) < tuning.certain_curve):
+            return blur, blurs
+        return found, over(fit, found)
 
     def bands(self, views, planes):
         """Return the gains of rows, from more samples, see `Unlikeness.bands`."""
@@ -248,9 +268,27 @@ def respread(view, matrix, old_mean, new_mean):
     view.variance[informed] = np.minimum(grown, np.nextafter(SILENT_VARIANCE, F4(0)))
 
 
-def over(fit, coefficients, terms):
-    """Return polynomials at the samples of a fit, (K, N)."""
-    return np.einsum('kt,tn->kn', coefficients, np.stack(polynomial(fit.x, fit.y, terms)))
+def blur_of(fit, terms):
+    """Return the coefficients of the blur along rows and columns, (2, terms), px^2."""
+    return np.stack([fit.value('blur', axis, terms) for axis in range(2)])
+
+
+def over(fit, coefficients):
+    """Return polynomials of coefficients, (K, terms), at the samples of a fit, (K, N)."""
+    terms = polynomial(fit.x, fit.y, coefficients.shape[1])
+    return np.einsum('kt,tn->kn', coefficients, np.stack(terms))
+
+
+def largest(blur):
+    """
+    Return the largest blur at corners, borders and middle of the image, px^2.
+
+    It may lie where nothing has been matched yet, because of the blur. blur: coefficients of
+    polynomials over the image, (K, terms).
+
+    """
+    y, x = (each.ravel() for each in np.mgrid[-1:2, -1:2].astype(F4))
+    return float(np.abs(blur @ np.stack(polynomial(x, y, blur.shape[1]))).max())
 
 
 def limits(values):
@@ -265,14 +303,13 @@ def apply(unlikeness, views, softening, tuning):
     elif unlikeness.blurred:
         views.evened += float(np.abs(unlikeness.blur[:, 0]).mean())
         for view, sign in ((views.left, -1), (views.right, 1)):
-            variance = sign * polynomials(unlikeness.blur, LINEAR, unlikeness.blur_limits, view,
+            variance = sign * polynomials(unlikeness.blur, unlikeness.blur_limits, view,
                                           views.grid, unlikeness.shift)
             if variance.max() > tuning.least_variance:
                 soften(view, np.maximum(variance, 0), softening, tuning)
     if not unlikeness.recolored:
         return
-    gauged = polynomials(unlikeness.gain, QUADRATIC, unlikeness.gain_limits, views.right,
-                         views.grid, 0.0)
+    gauged = polynomials(unlikeness.gain, unlikeness.gain_limits, views.right, views.grid, 0.0)
     log_gain = np.einsum('kc,kyx->cyx', GAUGES, gauged)
     if unlikeness.bands:
         of_left, of_right = unlikeness.bands
@@ -340,7 +377,7 @@ def between(gains, raw_rows, size):
     return np.moveaxis((1 - share) * gains[low] + share * gains[low + 1], -1, 0)
 
 
-def polynomials(coefficients, terms, bounds, view, grid, shift):
+def polynomials(coefficients, bounds, view, grid, shift):
     """
     Return polynomials over the right view at the nodes of a view, float32 (K, h, w).
 
@@ -355,7 +392,7 @@ def polynomials(coefficients, terms, bounds, view, grid, shift):
     x = (((np.arange(width, dtype=F4) - first) * step - F4(shift)) * F4(1 / columns) - 1)[None]
     x, y = np.broadcast_arrays(x, y)
     fields = np.zeros((len(coefficients), height, width), F4)
-    for k, term in enumerate(polynomial(x, y, terms)):
+    for k, term in enumerate(polynomial(x, y, coefficients.shape[1])):
         for field, coefficient in zip(fields, coefficients[:, k].astype(F4)):
             field += coefficient * term
     low, high = bounds.astype(F4)[:, :, None, None]

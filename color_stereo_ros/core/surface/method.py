@@ -57,7 +57,7 @@ from .even import Evening
 from .grid import HalfGrid
 from .grid_kernels import F4, SILENT_VARIANCE
 from .neighbors import propagate_planes, rough_tiles
-from .pair_model import color_matrix, PairModel, sampled_lines
+from .pair_model import color_matrix, PairModel, sampled_lines, worst_part
 from .pixels import measured_pixels
 from .planes import LeastSquares, PlaneField
 from .quality import Quality
@@ -752,10 +752,16 @@ class SurfaceMethod:
             That of the changed views; this one where nothing has changed.
 
         """
-        if pair.scale > self.tuning.unlike.quiet_scale or self.evening.matters(views):
+        if self.may_differ(views, planes, pair):
             pair = self.make_alike(views, planes, pair)
         clock.lap('even out', pair)
         return pair
+
+    def may_differ(self, views, planes, pair):
+        """Return whether the views may differ by more than noise, see `even_out`."""
+        tuning = self.tuning
+        return bool(pair.scale > tuning.unlike.quiet_scale or self.evening.matters(views)
+                    or worst_part(planes, views.grid, tuning.pair) > tuning.unlike.quiet_part)
 
     def make_alike(self, views, planes, pair, search=None):
         """

@@ -79,6 +79,34 @@ class PairModel:
         return replace(self, scale=scale, matrix=matrix)
 
 
+def worst_part(planes, grid, tuning):
+    """
+    Return the noise scale of the part of the image in which the views agree least, 0 or more.
+
+    Unequal blur beside one border does not show in the scale of the whole pair: that is a first
+    quartile. Parts with few matches do not count.
+
+    Parameters
+    ----------
+    planes : PlaneField
+        With the misfit of the first round.
+    grid : HalfGrid
+    tuning : PairTuning
+
+    """
+    rows, columns = grid.nodes
+    step_y, step_x = tuning.adapt_steps
+    misfit = planes.misfit[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
+    worst = 0.0
+    for band in np.array_split(misfit, tuning.parts[0]):
+        for part in np.array_split(band, tuning.parts[1], axis=1):
+            known = part[np.isfinite(part)]
+            if known.size >= tuning.least_part:
+                at = known.size // 4
+                worst = max(worst, float(np.partition(known, at)[at]))
+    return worst / tuning.quartile
+
+
 def sampled_lines(tuning):
     """
     Return the lines of a tile that `PairModel.measured` reads: the first one, and their distance.

@@ -388,6 +388,11 @@ class PairTuning(Constants):
     quartile: float = constant(
         0.5754, '1', 'First quartile of the misfit where planes are right.',
         derived('First quartile of chi-square with two degrees of freedom: -2 ln(3/4).'))
+    parts: tuple = constant(
+        (3, 4), '1', 'Rows and columns of parts of the image whose noise scale is asked for.',
+        unexplained('A border of a quarter of the image.'))
+    least_part: int = constant(
+        50, '1', 'Matches below which a part is not asked.', unexplained('A quartile needs some.'))
     adapt_steps: tuple = constant(
         (8, 4), 'nodes', 'Rows and columns between the nodes that noise and colors are measured '
         'from.', chosen('2400 nodes are left at 640 x 480 (0fbf028).'))
@@ -426,6 +431,10 @@ class UnlikeTuning(Constants):
         0.35, '1', 'Noise scale (`PairModel.scale`) up to which no difference is looked for.',
         chosen('Clean pairs have .2 to .3; a blur of sigma 2 px has 27, bands of +-20 % have 1.2. '
                'Saves .001 to .002 s.'))
+    quiet_part: float = constant(
+        0.8, '1', 'The same of the worst part of the image.',
+        chosen('Clean pairs of six scenes have .18 to .5. A right view whose blur grows to a sigma '
+               'of 2 px at one border: 3.2, and .23 as a whole.'))
     steep_slope: float = constant(
         0.3, '1 per node', 'Median slope of the colors along the rows below which small '
         'differences of the cameras are looked for, too.',
@@ -597,6 +606,14 @@ class UnlikeTuning(Constants):
     large_blur: float = constant(
         3.0, 'px^2', 'Unequal blur from which the search is repeated.',
         chosen('A sigma of 1.5 px costs the search nothing.'))
+    curved_share: float = constant(
+        0.3, '1', 'Share of the unequal blur that a quadratic polynomial must change.',
+        chosen('A right view out of focus in its corners .53 to 1.9, first look of five scenes; '
+               'even blur and worn rigs .02 to .51.'))
+    certain_curve: float = constant(
+        10.0, '1', 'Ratio of a quadratic coefficient to its standard deviation from which it '
+        'counts.', chosen('In the same looks 19 to 72, and 2.3 to 6.2. Without it, right views '
+                          'blurred by 3 px: right .855 -> .841.'))
     least_variance: float = constant(
         0.05, 'px^2', 'Smallest blur that is worth the time.',
         derived('Far below the 3/4 px^2 that every pixel has.'))

@@ -183,7 +183,7 @@ class Unlikeness:
     """What makes the right view like the left one; log gains of (r, g, b)."""
 
     blur: np.ndarray
-    """(2, LINEAR): variance that blurs the right view along rows and columns, px^2; below 0 the
+    """(2, LINEAR or QUADRATIC): variance that blurs the right view along rows and columns, px^2; below 0 the
     left view is the sharper one."""
     oblique: float
     """Covariance of this blur between rows and columns, px^2; 0 where it lies along them."""
@@ -222,10 +222,12 @@ class Regression:
         What is asked.
     turns : int
         Of the robust regression.
+    blur_terms : int
+        Of the polynomial of the blur.
 
     """
 
-    def __init__(self, samples, views, tuning, blur, color, turns):
+    def __init__(self, samples, views, tuning, blur, color, turns, blur_terms=LINEAR):
         """Build the terms and solve."""
         self.samples, self.tuning, self.views = samples, tuning, views
         rows, columns = views.grid.nodes
@@ -233,20 +235,20 @@ class Regression:
         self.x = (samples.place * F4(1 / columns) - 1).astype(F4)
         self.share = np.clip(shares(samples.color), F4(tuning.least_share), 1)
         self.gauged = [regained(self.share, gauge[:, None]) for gauge in GAUGES]
-        self.names, terms, self.prior = self.terms(blur, color)
+        self.names, terms, self.prior = self.terms(blur_terms if blur else 0, color)
         steep = np.sqrt((samples.slope ** 2).sum(axis=0)) + F4(tuning.least_slope)
         along = samples.slope / steep
         self.axes = along, np.stack([-along[1], along[0]])
         self.place_variance = F4(tuning.place_std ** 2) * steep * steep
         self.solve(np.stack(terms), turns)
 
-    def terms(self, blur, color):
+    def terms(self, blur_terms, color):
         """Return names, terms of shape (2, N) and standard deviations of the prior."""
         samples, tuning = self.samples, self.tuning
         names, terms, prior = [], [], []
-        if blur:
+        if blur_terms:
             for axis in range(2):
-                for k, factor in enumerate(polynomial(self.x, self.y, LINEAR)):
+                for k, factor in enumerate(polynomial(self.x, self.y, blur_terms)):
                     names.append(('blur', axis, k))
                     terms.append(0.5 * samples.bends[axis] * factor)
                     prior.append(tuning.blur_prior)
@@ -308,10 +310,15 @@ class Regression:
         found = dict(zip(self.names, self.beta))
         return np.array([found.get((name, first, k), 0.0) for k in range(terms)], F4)
 
-    def certain(self, name):
-        """Return the largest ratio of a coefficient of a name to its standard deviation."""
-        return max((abs(value) / std for each, value, std in zip(self.names, self.beta, self.std)
-                    if each[0] == name), default=0.0)
+    def certain(self, name, first=0):
+        """
+        Return the largest ratio of a coefficient of a name to its standard deviation.
+
+        first: the terms of a polynomial before that do not count.
+
+        """
+        return max((abs(value) / std for (each, _, term), value, std in zip(
+            self.names, self.beta, self.std) if each == name and term >= first), default=0.0)
 
     def bands(self, raw_rows, bin_size, bins):
         """

@@ -127,6 +127,11 @@ def _mixed_rows(rig, level):
 _viewed('blur_right', 'optics', 'right view out of focus, sigma', 'px', RIGHT, 'blur', 1, 2, 3)
 _viewed('blur_left', 'optics', 'left view out of focus, sigma', 'px', LEFT, 'blur', 2, 3)
 _viewed('blur_both', 'optics', 'both views out of focus, sigma', 'px', BOTH, 'blur', 1, 2, 3)
+_viewed('blur_ramp', 'optics', 'right view out of focus towards one border, sigma there', 'px',
+        RIGHT, 'uneven_blur', 2, 3, of=lambda level: lambda y, x: level * (1 + x) / 2)
+_viewed('blur_corners', 'optics', 'right view out of focus towards the corners, sigma there', 'px',
+        RIGHT, 'uneven_blur', 2, 3.5,
+        of=lambda level: lambda y, x: level * np.hypot(y, x) / np.sqrt(2))
 _viewed('motion_right', 'optics', 'right view moves along the rows', 'px', RIGHT, 'motion', 5, 9,
         of=lambda level: (level, 0))
 _viewed('motion_rows', 'optics', 'right view moves across the rows', 'px', RIGHT, 'motion', 5, 9,

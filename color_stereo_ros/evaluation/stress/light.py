@@ -33,7 +33,7 @@ from ...core import make_pattern, PatternSettings, StereoCalibration
 from ...core.triangulation import disparity_from_depth
 from ...files.atomic import folder_written_whole
 
-FORMAT = 1     # raised when the meaning of kept files changes
+FORMAT = 2     # raised when the meaning of kept files changes
 SCALE = 2      # fine pixels in each pixel along either axis
 MARGIN = 28    # px around the image: mountings move it by up to 20 px
 BORDER = 1e-3  # px, rounding at the border of an image

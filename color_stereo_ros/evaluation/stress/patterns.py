@@ -21,7 +21,7 @@ import numpy as np
 
 from ...core import make_pattern, PatternSettings
 
-SIZE = (1024, 768)  # px, width and height of the foreign patterns
+SIZE = (1024, 1024)  # px, of the foreign patterns; as the default one: they light the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ def speckle(sigma=2.2, seed=5):
     return gray(np.uint8(255 * np.clip(0.5 + smooth / (3 * smooth.std()), 0, 1)))
 
 
-def dots(count=6500, seed=6):
+def dots(count=8700, seed=6):
     """Return white dots at random places, uint8 (H, W, 3)."""
     generator = np.random.default_rng(seed)
     image = np.zeros(SIZE[::-1], np.uint8)

@@ -30,6 +30,8 @@ class View:
 
     blur: float = 0.0
     """Standard deviation of the point spread beside that of the lens, px."""
+    uneven_blur: object = None
+    """A function of (y, x), -1..1, arrays (H, 1) and (1, W), to such a deviation (H, W), px."""
     motion: tuple = (0, 0)
     """Path of the image during the exposure, px."""
     chromatic: float = 0.0

@@ -24,6 +24,7 @@ from .warp_kernels import bicubic
 from ...core import ImageError
 
 LENS_BLUR = 0.5   # px, standard deviation of every lens
+BLUR_STEP = 0.25  # px, between the images of which uneven blur is made
 INK = np.float32([1.0, 0.85, 0.7])  # share of red, green and blue that full print takes
 SIDES = ('left', 'right')
 
@@ -120,7 +121,7 @@ class Shots:
         def seen(light):
             return mounting.view(light, model, scene.scale, scene.margin)
 
-        sharp = not (view.blur or any(view.motion) or view.chromatic)
+        sharp = not (view.blur or view.uneven_blur or any(view.motion) or view.chromatic)
         if not (rig.plain_light and sharp):
             return seen(fine())
         if mounting.exact:
@@ -157,14 +158,34 @@ def light_of(scene, rig, side):
 
 def through_lens(light, view, scene):
     """Return fine light behind a lens that is out of focus, moves, or scatters colors."""
-    sigma = scene.scale * float(np.hypot(LENS_BLUR, view.blur))
-    light = cv2.GaussianBlur(light, (0, 0), sigma)
+    if view.uneven_blur:
+        light = unevenly_blurred(light, view.uneven_blur, scene.scale)
+    else:
+        light = out_of_focus(light, view.blur, scene.scale)
     if any(view.motion):
         light = cv2.filter2D(light, -1, streak(*(scene.scale * step for step in view.motion)),
                              borderType=cv2.BORDER_REPLICATE)
     if view.chromatic:
         light = _scattered(light, view.chromatic, scene)
     return light
+
+
+def out_of_focus(light, sigma, scale):
+    """Return fine light behind a lens; sigma: of its blur beside LENS_BLUR, px."""
+    return cv2.GaussianBlur(light, (0, 0), scale * float(np.hypot(LENS_BLUR, sigma)))
+
+
+def unevenly_blurred(light, deviation, scale):
+    """Return fine light behind a lens whose blur varies, see `View.uneven_blur`."""
+    height, width = light.shape[:2]
+    sigma = np.broadcast_to(deviation(np.linspace(-1, 1, height)[:, None],
+                                      np.linspace(-1, 1, width)[None]), (height, width))
+    steps = np.arange(int(np.ceil(sigma.max() / BLUR_STEP)) + 1)
+    blurred = np.zeros_like(light)
+    for step in steps:  # each place lies between two of them
+        share = np.clip(1 - np.abs(sigma / BLUR_STEP - step), 0, 1).astype(np.float32)
+        blurred += share[..., None] * out_of_focus(light, BLUR_STEP * step, scale)
+    return blurred
 
 
 def streak(along, down):
