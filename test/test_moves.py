@@ -18,7 +18,7 @@ from types import SimpleNamespace
 
 from board_views import CORNERS, guided_poses, random_poses, rig, seen, SIZE
 from color_stereo_ros.calibration.adjustment import adjust
-from color_stereo_ros.calibration.moves import check_moved, end_of_run, is_step
+from color_stereo_ros.calibration.moves import check_moved, end_of_run, is_step, step_of
 from color_stereo_ros.errors import CalibrationError
 import cv2
 import numpy as np
@@ -76,8 +76,8 @@ def test_views_without_a_pose_hide_no_step():
     motions = [SimpleNamespace(center=np.array([0.2, 0, 0]) + random.normal(0, 1e-5, 3),
                                rotation=random.normal(0, 1e-5, 3) + 1e-3 * (number > 4))
                for number in range(10)]
-    assert is_step(motions, 5) and not is_step(motions[:5], 2)
+    assert is_step(*step_of(motions, 5)) and not is_step(*step_of(motions[:5], 2))
     none = np.full(3, np.nan)
     motions[2] = motions[7] = SimpleNamespace(center=none, rotation=none)
-    assert is_step(motions, 5)
-    assert not is_step(2 * [motions[2]] + motions[5:], 2)
+    assert is_step(*step_of(motions, 5))
+    assert not is_step(*step_of(2 * [motions[2]] + motions[5:], 2))

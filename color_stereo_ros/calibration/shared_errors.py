@@ -25,7 +25,7 @@ import numpy as np
 
 from .views import SIDES
 
-SIZE = 0.25  # px x px of image width, root mean square of either coordinate: edges bend less
+SIZE = 0.23  # px x px of image width, root mean square of either coordinate: edges bend less
 #              per px in larger images; measured at 640 and 1280 px: docs/calibration.md
 DEGREE = 3   # of the field in column and row; chosen, 4: claims change by 5 %
 
