@@ -41,7 +41,7 @@ LOOSE = 1.2         # scatter of the residuals over what the corners say, of a s
 #                     rest up to 1.05, a turn of .03 degrees under .05 px 1.0 to 1.4
 SIDE = 4            # pairs that a side needs to be adjusted alone; one more than the least
 BETTER = 0.8        # of that scatter: both sides must stay below; at rest, the best split of a
-#                     loose fit leaves .97 and more
+#                     loose fit leaves .99 and more
 PLACES = 9          # splits that are tried first
 
 
