@@ -31,7 +31,8 @@ from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
 from color_stereo_ros.core.surface.pixel_kernels import bounded, OWN_SHARE
 from color_stereo_ros.core.surface.plane_kernels import LEAST_WEIGHT, RADIUS, SPAN
-from color_stereo_ros.core.surface.row_kernels import CELL, CELL_STEP, NODE_STEP
+from color_stereo_ros.core.surface.row_kernels import (
+    BESIDE, BESIDE_WEIGHT, CELL, CELL_STEP, NODE_STEP, STEP)
 from color_stereo_ros.core.surface.trust_kernels import (
     APART, FULL_SIZE, HIGHEST_ODDS, HOPELESS_ODDS, IMBALANCE_OFFSET, ISLAND_ODDS, STD_PER_DISTANCE,
     UNKNOWN_ODDS, UNLIT, VARIANCE_FACTOR)
@@ -857,6 +858,9 @@ def told_by_node(left, right, matrix, d, y, x, robust, scale):
     w = 1 / (scale * (left[2, y, x] + noise) + PHASE_VARIANCE * (g @ g + h @ h))
     chi = w * (e @ e)
     w /= 1 + chi / robust
+    around = np.array([d[y, x - BESIDE], d[y, x + BESIDE], d[y - BESIDE, x], d[y + BESIDE, x]])
+    if not (np.abs(around - d[y, x]) < STEP).all():
+        w *= BESIDE_WEIGHT
     return chi, place, w * np.array([g @ g, g @ h, h @ h, g @ e, h @ e])
 
 

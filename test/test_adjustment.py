@@ -21,10 +21,12 @@ from board_views import (
     CORNERS, errors_of, guided_poses, modes, random_poses, rig, rms, rows_and_depth_errors, seen,
     SIZE)
 
-from color_stereo_ros.calibration.adjustment import adjust
+from color_stereo_ros.calibration.adjustment import adjust, problem_of
+from color_stereo_ros.calibration.board_model import BoardModel, State
 from color_stereo_ros.calibration.evidence import agreement_of_halves, choose_lens
 from color_stereo_ros.calibration.guidance import grid_of, Quality
 from color_stereo_ros.calibration.least_squares import inverse_information
+from color_stereo_ros.calibration.shared_errors import smooth_terms
 from color_stereo_ros.calibration.views import View
 from color_stereo_ros.core import CalibrationError
 
@@ -110,6 +112,34 @@ def test_the_standard_deviation_of_the_corners_is_measured(fifteen):
                                for side in (view.left, view.right)))
              for view in seen(rig(), fifteen, np.random.default_rng(1))]
     assert adjust(SIZE, CORNERS, views).scale == pytest.approx(2.0, rel=0.05)
+
+
+def test_errors_that_all_views_share_move_the_result_as_foretold(fifteen):
+    views = seen(rig(), fifteen, np.random.default_rng(1))
+    before, field = adjust(SIZE, CORNERS, views), {}
+    for index, side in enumerate(('left', 'right')):
+        terms = smooth_terms(before.corners[side].pixels, SIZE)
+        field[side] = 0.05 * np.stack([terms[:, 3 + index], terms[:, 6 - index]], axis=1)
+    parts = {side: np.split(field[side], np.flatnonzero(np.diff(before.corners[side].view)) + 1)
+             for side in field}
+    moved = [View(view.name, **{side: replace(getattr(view, side), pixels=getattr(
+        view, side).pixels + parts[side][index]) for side in field})
+        for index, view in enumerate(views)]
+    after = adjust(SIZE, CORNERS, moved)
+    problem = problem_of(BoardModel(CORNERS), views)
+    state = State(before.parameters, before.bend, before.rotations, before.translations)
+    equations = problem.equations(state, np.ones(state.shared.size, bool))
+    noise = inverse_information(equations.information())
+    change = noise @ problem.pulls(state, {side: field[side][:, :, None] for side in field})[:, 0]
+    expected = change[:-2] / np.sqrt(np.diag(before.matrix))
+    found = (after.parameters.vector - before.parameters.vector) / np.sqrt(
+        np.diag(before.matrix))
+    assert np.abs(expected).max() > 1
+    np.testing.assert_allclose(found, expected, atol=0.1)
+    assert (np.diag(before.matrix) > np.diag(noise)[:-2]).all()
+    u, v = np.meshgrid(np.arange(0.5, 640), np.arange(0.5, 480))
+    terms = smooth_terms(np.column_stack([u.ravel(), v.ravel()]), SIZE)
+    assert np.square(terms).sum(axis=1).mean() == pytest.approx(1, rel=1e-3)
 
 
 def test_a_bent_board_is_modeled(effort, figures, fifteen):

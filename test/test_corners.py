@@ -99,6 +99,16 @@ def test_the_bend_of_a_line_is_seen_in_its_corners():
     np.testing.assert_array_equal(bends((6, 8), ids[:1], pixels[ids[:1]]), 0.0)
 
 
+def test_lines_may_bend_more_at_the_edge_of_a_board():
+    row, column = np.indices((8, 11))
+    x, y = 40.0 * column - 200, 40.0 * row - 140
+    bend = 1e-4 + 3e-7 * x + 1e-9 * x * x  # 1 / px, along x
+    pixels = np.stack([x, y + 5e-5 * x ** 2 + 5e-8 * x ** 3 + 1e-9 / 12 * x ** 4], axis=2)
+    pixels[3, 4] += 0.5  # a wrong corner
+    found = bends((8, 11), np.arange(88), pixels.reshape(-1, 2))
+    np.testing.assert_allclose(found[:, 0], bend.ravel(), atol=4e-6)
+
+
 @pytest.mark.parametrize('bend', [(3e-3, 0.0), (-2e-3, 2e-3)])
 def test_bent_edges_do_not_move_a_corner(bend):
     image = np.round([[naive_corners.model(VALUES, x, y, bend) for x in range(31)]

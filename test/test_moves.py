@@ -18,8 +18,12 @@ from types import SimpleNamespace
 
 from board_views import CORNERS, guided_poses, random_poses, rig, seen, SIZE
 from color_stereo_ros.calibration.adjustment import adjust
-from color_stereo_ros.calibration.moves import check_moved, end_of_run, is_step
+from color_stereo_ros.calibration.boards import Board
+from color_stereo_ros.calibration.moves import check_moved, end_of_run, is_step, step_of
 from color_stereo_ros.errors import CalibrationError
+from color_stereo_ros.evaluation import corners
+from color_stereo_ros.evaluation.calibration import poses_for
+from color_stereo_ros.evaluation.camera_moves import line, session
 import cv2
 import numpy as np
 import pytest
@@ -76,8 +80,18 @@ def test_views_without_a_pose_hide_no_step():
     motions = [SimpleNamespace(center=np.array([0.2, 0, 0]) + random.normal(0, 1e-5, 3),
                                rotation=random.normal(0, 1e-5, 3) + 1e-3 * (number > 4))
                for number in range(10)]
-    assert is_step(motions, 5) and not is_step(motions[:5], 2)
+    assert is_step(*step_of(motions, 5)) and not is_step(*step_of(motions[:5], 2))
     none = np.full(3, np.nan)
     motions[2] = motions[7] = SimpleNamespace(center=none, rotation=none)
-    assert is_step(motions, 5)
-    assert not is_step(2 * [motions[2]] + motions[5:], 2)
+    assert is_step(*step_of(motions, 5))
+    assert not is_step(*step_of(2 * [motions[2]] + motions[5:], 2))
+
+
+def test_the_study_counts_what_is_named():
+    board = Board.usual('chessboard')
+    poses = poses_for(corners.rig(640), board)
+    moved, still = (session(board, poses, kind, 0.003, 1) for kind in (0.1, 'at rest'))
+    assert moved.truth is not None and moved.found == moved.truth and not moved.refused
+    assert still.truth is None and still.found is None and 0.9 < still.evidence.scale < 1.1
+    assert line(0.1, 0.003, [moved]).startswith('| 0.1 degrees | 0.003 | 1 | 0 | 0 | 0 |')
+    assert line('at rest', 0.003, [still]).startswith('| at rest | 0.003 | 0 | 0 | 1 | 0 |')

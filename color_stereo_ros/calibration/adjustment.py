@@ -21,6 +21,7 @@ import numpy as np
 
 from .board_model import BENDS, BoardModel
 from .least_squares import inverse_information, Problem, UNDETERMINED
+from .shared_errors import shared_covariance
 from .starting import first_state, NOT_TOGETHER
 from .views import Corners, SIDES
 from ..core.cameras.covariance import StereoCovariance
@@ -43,7 +44,8 @@ class Adjustment:
 
     parameters: StereoParameters
     matrix: np.ndarray
-    """float64 (n, n): covariance of `parameters.vector`, poses and bend unknown."""
+    """float64 (n, n): covariance of `parameters.vector`, poses and bend unknown, with errors that
+    corners share in all views."""
     information: np.ndarray
     """float64 (n + 2, n + 2): inverse of the covariance of the parameters and the bend."""
     bend: np.ndarray
@@ -269,6 +271,8 @@ def _result(problem, state, views, dropped):
     # Errors that corners share do not scatter: small residuals are no reason to claim more.
     information = equations.information() / max(scale, 1.0)**2
     matrix = inverse_information(information)
+    matrix = matrix + shared_covariance(problem, state, matrix)
+    information = inverse_information(matrix)
     _check_focal_lengths(state.parameters, matrix)
     return Adjustment(
         parameters=state.parameters, matrix=matrix[:-2, :-2],

@@ -16,7 +16,10 @@
 
 import numpy as np
 
-NEAR = 3  # corners to each side along a line, whose median is the curvature; chosen
+LEAST = 20   # curvatures of lines that a smooth field is fitted to; twice its 6 terms and more
+ROUNDS = 5   # of robust weights; chosen: three suffice
+OUTLIER = 2.5  # times the scatter: where a curvature has half of its weight (Cauchy)
+NORMAL = 0.6745  # median deviation of a normal distribution, sigma
 
 
 def bends(shape, ids, pixels):
@@ -68,8 +71,30 @@ def curvatures(lines):
     # Twice the area of a triangle over its sides: the curvature of the circle through it.
     area = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
     sides = [np.linalg.norm(each, axis=2) for each in (before, after, chord)]
-    bends = np.pad(2 * area / np.prod(sides, axis=0), ((0, 0), (NEAR + 1, NEAR + 1)),
-                   constant_values=np.nan)
-    near = np.lib.stride_tricks.sliding_window_view(bends, 2 * NEAR + 1, axis=1)
-    known = np.isfinite(near).any(axis=2)
-    return np.where(known, np.nanmedian(np.where(known[..., None], near, 0.0), axis=2), 0.0)
+    return _smooth(np.pad(2 * area / np.prod(sides, axis=0), ((0, 0), (1, 1)),
+                          constant_values=np.nan))
+
+
+def _smooth(values):
+    """
+    Return a quadratic of row and column near some values (R, C), of which some are NaN.
+
+    A lens bends the lines at the edges of a board more than those beside them: a mean or median
+    of neighbors would be wrong there, and the corners with it.
+
+    """
+    known = np.isfinite(values)
+    row, column = (2 * index / max(count - 1, 1) - 1
+                   for index, count in zip(np.indices(values.shape), values.shape))
+    terms = np.stack([row ** 0, row, column, row * row, row * column, column * column], axis=2)
+    if known.sum() < LEAST:
+        return np.full(values.shape, np.median(values[known]) if known.any() else 0.0)
+    there, seen = terms[known], values[known]
+    weight = np.ones(len(seen))
+    for _ in range(ROUNDS):
+        root = np.sqrt(weight)
+        found = np.linalg.lstsq(there * root[:, None], seen * root, rcond=None)[0]
+        apart = np.abs(seen - there @ found)
+        scatter = max(np.median(apart) / NORMAL, np.finfo(float).tiny)
+        weight = 1 / (1 + np.square(apart / (OUTLIER * scatter)))
+    return terms @ found

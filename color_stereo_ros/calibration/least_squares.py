@@ -177,6 +177,37 @@ class Problem:
                 pose_gradients[view] += here.T @ residuals[rows].ravel()
         return Equations(cost, shared, gradient, mixed, poses, pose_gradients)
 
+    def pulls(self, state, fields):
+        """
+        Return by what errors of the corners pull the shared values, poses unknown.
+
+        Parameters
+        ----------
+        state : State
+            The solution.
+        fields : dict
+            'left' and 'right': errors of the corners, float64 (m, 2, f), px.
+
+        Returns
+        -------
+        pulls : numpy.ndarray, float64, shape (n + 2, f)
+            Times the covariance of the shared values: by how much the errors move them.
+
+        """
+        free = np.ones(state.shared.size, bool)
+        equations = self.equations(state, free)
+        poses, found = 0.0, 0.0
+        for side in SIDES:
+            _, by_shared, by_pose = self._rows(state, side, free)
+            errors = fields[side] * self._weights(side)[:, None, None]
+            found = found + np.einsum('mak,maf->kf', by_shared, errors)
+            of_corners = np.einsum('map,maf->mpf', by_pose, errors)
+            of_views = np.zeros((self.count, *of_corners.shape[1:]))
+            np.add.at(of_views, self.corners[side].view, of_corners)
+            poses = poses + of_views
+        return found - np.einsum('vkp,vpf->kf', equations.mixed,
+                                 np.linalg.solve(equations.poses, poses))
+
     def _rows(self, state, side, free):
         """Return weighted residuals (m, 2) and derivatives (m, 2, k), (m, 2, 6)."""
         seen = self.corners[side]

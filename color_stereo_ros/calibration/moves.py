@@ -21,6 +21,8 @@ alone do not.
 
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
@@ -29,13 +31,36 @@ from .suspicions import motions_of, moved_between, SEGMENT
 from ..core.cameras.lenses import LENSES
 from ..errors import CalibrationError
 
-STEP = 5.0          # times the scatter on either side: motions that make a step
-LEAST_STEP = 1e-4   # rad and of the baseline: less is no move; chosen, .006 degrees
-CORNERS = 8         # of a view that takes part here
-LOOSE = 1.5         # scatter of the residuals over what the corners say, of a suspicious fit
+# Chosen from `evaluation.camera_moves`, the table of docs/calibration.md.
+STEP = 5.0          # times the scatter on either side: motions that make a step; two bad views at
+#                     the end reach 4.5 in 124 sessions
+LEAST_STEP = 1e-4   # rad and of the baseline, .006 degrees: less is no move; .01 degrees, the
+#                     least that is found under .003 px, show 1.7e-4
+CORNERS = 8         # of a view that takes part here; a pose takes 4, two more rows tell its errors
+LOOSE = 1.2         # scatter of the residuals over what the corners say, of a suspicious fit; at
+#                     rest up to 1.05, a turn of .03 degrees under .05 px 1.0 to 1.4
 SIDE = 4            # pairs that a side needs to be adjusted alone; one more than the least
-BETTER = 0.5        # of that scatter: both sides must stay below
+BETTER = 0.8        # of that scatter: both sides must stay below; at rest, the best split of a
+#                     loose fit leaves .99 and more
 PLACES = 9          # splits that are tried first
+
+
+@dataclass(frozen=True)
+class MoveEvidence:
+    """What speaks for a move; see `place_of`."""
+
+    run: int | None
+    """The first pair after the views of one side, which were dropped; None: no such run."""
+    step: float
+    """By how much the motion between the cameras differs there, rad and of the baseline."""
+    scatter: float
+    """Of the motions on either side."""
+    scale: float
+    """Scatter of the residuals of all views over what the corners say."""
+    split: int | None
+    """The first pair after the best split, where the fit of all is loose; None: not tried."""
+    sides: float
+    """Scatter of the worse side of that split alone; 0: not tried."""
 
 
 def check_moved(board, views, adjustment):
@@ -57,15 +82,31 @@ def check_moved(board, views, adjustment):
         Names the views.
 
     """
-    pairs = [view for view in views
-             if view.is_pair and min(len(view.left.ids), len(view.right.ids)) >= CORNERS]
-    place = end_of_run([view.name in adjustment.dropped for view in pairs])
-    if place is not None and not is_step(_motions(board, pairs, adjustment.parameters), place):
-        place = None
-    if place is None and adjustment.scale > LOOSE:
-        place = _split(board, pairs, adjustment)
+    pairs, evidence = evidence_of(board, views, adjustment)
+    place = place_of(evidence)
     if place is not None:
         raise moved_between(pairs[place - 1].name, pairs[place].name)
+
+
+def evidence_of(board, views, adjustment):
+    """Return the views that take part, list of View, and a MoveEvidence; see `check_moved`."""
+    pairs = [view for view in views
+             if view.is_pair and min(len(view.left.ids), len(view.right.ids)) >= CORNERS]
+    run = end_of_run([view.name in adjustment.dropped for view in pairs])
+    step, scatter = 0.0, np.inf
+    if run is not None:
+        step, scatter = step_of(_motions(board, pairs, adjustment.parameters), run)
+    split, sides = None, 0.0
+    if not is_step(step, scatter) and adjustment.scale > LOOSE:
+        split, sides = _split(board, pairs, adjustment)
+    return pairs, MoveEvidence(run, step, scatter, adjustment.scale, split, sides)
+
+
+def place_of(evidence):
+    """Return the first pair after a move, or None."""
+    if is_step(evidence.step, evidence.scatter):
+        return evidence.run
+    return evidence.split if evidence.sides < BETTER * evidence.scale else None
 
 
 def end_of_run(dropped):
@@ -76,9 +117,14 @@ def end_of_run(dropped):
     return None
 
 
-def is_step(motions, place):
+def is_step(step, scatter):
+    """Return whether a step of motions is large against their scatter; see `step_of`."""
+    return step > max(LEAST_STEP, STEP * scatter)
+
+
+def step_of(motions, place):
     """
-    Return whether motions make a step that is large against their scatter on either side.
+    Return the step that motions make at a place, and their scatter on either side.
 
     Parameters
     ----------
@@ -87,17 +133,22 @@ def is_step(motions, place):
     place : int
         The first motion after the step.
 
+    Returns
+    -------
+    step, scatter : float
+        rad and of the baseline; 0 and infinite where a side has no motion.
+
     """
     values = np.array([[*each.center, *each.rotation] for each in motions])
     values[:, :3] /= np.linalg.norm(np.nanmedian(values[:, :3], axis=0))
     # corners of one row of the board give no pose
     parts = [part[np.isfinite(part).all(axis=1)] for part in (values[:place], values[place:])]
     if not all(map(len, parts)):
-        return False
+        return 0.0, np.inf
     middles = [np.median(part, axis=0) for part in parts]
     scatter = max(float(np.median(np.linalg.norm(part - middle, axis=1)))
                   for part, middle in zip(parts, middles))
-    return np.linalg.norm(middles[1] - middles[0]) > max(LEAST_STEP, STEP * scatter)
+    return float(np.linalg.norm(middles[1] - middles[0])), scatter
 
 
 def _motions(board, pairs, parameters):
@@ -117,10 +168,10 @@ def _pose(board, detection, lens, values):
 
 
 def _split(board, pairs, adjustment):
-    """Return the place between two sides that each fit well alone, or None."""
+    """Return the split whose worse side fits best alone, and its scatter; None, 0: none."""
     places = range(SIDE, len(pairs) - SIDE + 1)
     if not places:
-        return None
+        return None, 0.0
     scatters = {}
 
     def scatter(place):
@@ -137,7 +188,7 @@ def _split(board, pairs, adjustment):
         if near == best:
             break
         best = near
-    return best if scatter(best) < BETTER * adjustment.scale else None
+    return best, scatter(best)
 
 
 def _scatter(board, pairs, adjustment):

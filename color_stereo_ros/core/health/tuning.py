@@ -45,8 +45,9 @@ class EstimateTuning(Constants):
         derived('An update takes some 2 ms, a pair then .4 ms on average. One more than the turns '
                 'of cells, so that all turns come.'))
     first: int = constant(
-        4, 'pairs', 'Pairs at the beginning, and after a knock, that are all used.',
-        derived('All turns of cells.'))
+        5, 'pairs', 'Pairs at the beginning, and after a knock, that are all used.',
+        derived('All turns of cells, and once more the first: the pair that shows a knock was '
+                'measured with the maps from before it.'))
     iterations: int = constant(
         4, '1', 'Most linearizations of one update.', derived('Two suffice up to .3 degrees.'))
     settled: float = constant(

@@ -25,6 +25,8 @@ CELL = TUNING.rows.cell
 CELL_STEP, NODE_STEP = TUNING.rows.cell_step, TUNING.rows.node_step
 LEAST_SLOPE = F4(TUNING.rows.least_slope)
 ROUNDING = F4(TUNING.rows.rounding)
+BESIDE, STEP = TUNING.rows.beside, F4(TUNING.rows.step)
+BESIDE_WEIGHT = F4(TUNING.rows.beside_weight)
 QUANTITIES = 'count', 'information', 'pull', 'misfit', 'place', 'disparity', 'structure'
 """What `row_cells` writes of a cell, see there."""
 COUNT, INFORMATION, PULL, MISFIT, PLACE, DISPARITY, STRUCTURE = range(len(QUANTITIES))
@@ -40,7 +42,9 @@ def row_cells(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
     of the right view, a row error r and an error of the disparity show as e = h r + g (d -
     d_true). The disparity is eliminated from the normal equations of the cell: information =
     S(h.h) - S(g.h)^2 / S(g.g) and pull = S(h.e) - S(g.h) S(g.e) / S(g.g), where S sums with the
-    weight w. The cell asks for r = pull / information, px.
+    weight w. The cell asks for r = pull / information, px. Beside a step of the disparities, or
+    nodes that have none, w is smaller: windows reach over the step there, and the disparity is
+    wrong in a way of its own at each node.
 
     A cell has CELL x CELL nodes; every NODE_STEP-th column counts. The n-th line of cells is asked
     every CELL_STEP-th column, from turn + 2 n modulo CELL_STEP on. cells, float32 (h, ceil(w /
@@ -129,6 +133,13 @@ def row_cells(k, left_u, left_v, left_var, right_u, right_v, right_var, matrix, 
                     w = one / (scale * (quiet + noise) + PHASE_VARIANCE * steep)
                     chi = w * (eu * eu + ev * ev)
                     w = w / (one + chi / robust_misfit)
+                    here = d[y, x]
+                    smooth = ((abs(d[y, x - BESIDE] - here) < STEP)
+                              & (abs(d[y, x + BESIDE] - here) < STEP)
+                              & (abs(d[y - BESIDE, x] - here) < STEP)
+                              & (abs(d[y + BESIDE, x] - here) < STEP))
+                    if not smooth:
+                        w = w * BESIDE_WEIGHT
                     count += one
                     total += chi
                     places += place
