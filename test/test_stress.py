@@ -232,6 +232,20 @@ def test_focus_spreads_a_point_by_its_sigma(sigma):
     assert variance == pytest.approx(sigma ** 2 + shot.LENS_BLUR ** 2, rel=0.03)
 
 
+@pytest.mark.parametrize('name, places', [
+    ('blur_ramp', {(0.5, 0.1): 0.3, (0.5, 0.5): 1.5, (0.5, 0.9): 2.7}),
+    ('blur_corners', {(0.5, 0.5): 0, (0.0, 0.5): 2.475, (0.0, 0.9): 3.17})])
+def test_uneven_focus_spreads_each_place_by_its_own_sigma(name, places):
+    view = DISTURBANCES[name].rig(DISTURBANCES[name].levels[-1]).right
+    for (down, along), sigma in places.items():
+        light = np.zeros((400, 600, 3), np.float32)
+        row, column = round(down * 399), round(along * 599)
+        light[:, column:] = 1  # an edge tells its sigma by its steepness
+        steepest = np.abs(np.diff(shot.through_lens(light, view, scene())[row, :, 0])).max()
+        expected = SCALE * np.hypot(sigma, shot.LENS_BLUR)
+        assert 1 / (steepest * np.sqrt(2 * np.pi)) == pytest.approx(expected, rel=0.06)
+
+
 def test_motion_spreads_along_its_direction_only():
     kernel = shot.streak(18, 0)
     along = (kernel.sum(axis=0) * (np.arange(kernel.shape[1]) - kernel.shape[1] // 2) ** 2).sum()

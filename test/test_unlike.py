@@ -17,13 +17,17 @@
 import math
 
 from color_stereo_ros.core import ColorStereo
+from color_stereo_ros.core.compiled import Arena
 from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
+from color_stereo_ros.core.surface.pair_model import worst_part
+from color_stereo_ros.core.surface.planes import PlaneField
 from color_stereo_ros.core.surface.raw_faults import (
     Looker, quantization, step_of, without_hot_pixels)
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
+from color_stereo_ros.core.surface.unlike import LINEAR
 import cv2
 import numpy as np
 import pytest
@@ -247,6 +251,39 @@ def test_rivals_that_blur_does_not_explain_leave_the_views_as_they_are(usual, mo
     usual.process(*images)
     for each, view in zip(found, (views.left, views.right)):
         np.testing.assert_array_equal(each, view.u)
+
+
+def unevenly_blurred(sigma):
+    """Return a function that blurs light; sigma: a function of y and x, -1 .. 1, to px."""
+    def blur(light):
+        height, width = light.shape[:2]
+        wanted = sigma(np.linspace(-1, 1, height)[:, None], np.linspace(-1, 1, width)[None])
+        steps = np.arange(0, 4.25, 0.25)
+        images = [blurred(step, step)(light) if step else light for step in steps]
+        return sum(np.maximum(0, 1 - np.abs(wanted - step) / 0.25)[..., None] * image
+                   for step, image in zip(steps, images))
+    return blur
+
+
+@pytest.mark.parametrize('sigma, curved', [
+    (lambda y, x: 0 * y + 2.2 * (1 + x) / 2, True),
+    (lambda y, x: 3 * np.hypot(y, x) / 1.5, True), (lambda y, x: 0 * (x + y) + 2, False)])
+def test_blur_that_grows_to_a_border_or_into_corners_is_evened_out(
+        usual, monkeypatch, sigma, curved):
+    seen, result = found(usual, pair(right=unevenly_blurred(sigma)), monkeypatch)
+    assert any(each.blur.shape[1] > LINEAR for each in seen) is curved
+    clean = share_right(usual.process(*pair()))
+    assert share_right(result) > clean - 0.04
+
+
+def test_the_worst_part_shows_what_a_quartile_of_the_whole_image_hides(usual):
+    grid, pair_tuning = usual._method.views.grid, TUNING.pair
+    planes = PlaneField(grid, 1.0, True, Arena())
+    planes.misfit[grid.inner] = 0.1 * pair_tuning.quartile
+    planes.misfit[grid.inner][:, -grid.columns // 4:] = 5 * pair_tuning.quartile
+    assert worst_part(planes, grid, pair_tuning) == pytest.approx(5)
+    planes.misfit[grid.inner][:, -grid.columns // 4:] = np.nan
+    assert worst_part(planes, grid, pair_tuning) == pytest.approx(0.1)
 
 
 def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):

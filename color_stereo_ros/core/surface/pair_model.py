@@ -91,7 +91,9 @@ def worst_part(planes, grid, tuning):
     planes : PlaneField
         With the misfit of the first round.
     grid : HalfGrid
+        Of the planes.
     tuning : PairTuning
+        Constants of this stage.
 
     """
     rows, columns = grid.nodes

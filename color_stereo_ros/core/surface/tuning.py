@@ -433,8 +433,8 @@ class UnlikeTuning(Constants):
                'Saves .001 to .002 s.'))
     quiet_part: float = constant(
         0.8, '1', 'The same of the worst part of the image.',
-        chosen('Clean pairs of six scenes have .18 to .5. A right view whose blur grows to a sigma '
-               'of 2 px at one border: 3.2, and .23 as a whole.'))
+        chosen('Clean pairs of six scenes have .18 to .5. A right view whose blur grows to a '
+               'sigma of 2 px at one border: 3.2, and .23 as a whole.'))
     steep_slope: float = constant(
         0.3, '1 per node', 'Median slope of the colors along the rows below which small '
         'differences of the cameras are looked for, too.',

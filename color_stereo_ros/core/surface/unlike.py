@@ -183,8 +183,8 @@ class Unlikeness:
     """What makes the right view like the left one; log gains of (r, g, b)."""
 
     blur: np.ndarray
-    """(2, LINEAR or QUADRATIC): variance that blurs the right view along rows and columns, px^2; below 0 the
-    left view is the sharper one."""
+    """(2, LINEAR or QUADRATIC): variance that blurs the right view along rows and columns, px^2;
+    below 0 the left view is the sharper one."""
     oblique: float
     """Covariance of this blur between rows and columns, px^2; 0 where it lies along them."""
     gain: np.ndarray
