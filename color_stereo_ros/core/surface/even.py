@@ -161,7 +161,8 @@ class Evening:
         amount = max(np.abs(blurs).mean(axis=1).max(), abs(oblique))
         blurred = amount > share * tuning.least_blur and fit.certain('blur') > tuning.certain
         strength = np.abs(gains).mean(axis=1).max(), abs(gamma), np.abs(matrix).max()
-        least_gain = tuning.gentle_gain if self.matters(views) else tuning.least_gain
+        slow = self.matters(views)
+        least_gain = tuning.gentle_gain if slow else tuning.least_gain
         least = least_gain, tuning.least_gamma, tuning.least_matrix
         recolored = any(each > share * limit and fit.certain(name) > tuning.certain
                         for each, limit, name in zip(strength, least, COLORS))
@@ -178,7 +179,9 @@ class Evening:
             # a loss of contrast looks like blur, and the other way round
             gamma, matrix, strength = 0.0, np.zeros_like(matrix), (strength[0], 0.0, 0.0)
         bands = self.bands(views, planes) if banded else ()
-        size = max(largest(blur) / tuning.large_blur if blurred else 0,
+        # slow colors hardly tell blur, and nothing where they were not matched
+        worst = amount if slow else largest(blur)
+        size = max(worst / tuning.large_blur if blurred else 0,
                    max(strength[0] / tuning.large_gain, max(strength[1:]) / tuning.large_mix)
                    if recolored else 0,
                    1.0 if bands else 0)
