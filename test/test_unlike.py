@@ -19,6 +19,7 @@ import math
 from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.compiled import Arena
 from color_stereo_ros.core.pipeline import Stopwatch
+from color_stereo_ros.core.rows.alignment import Alignment
 from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import even
 from color_stereo_ros.core.surface.gains import blocks_differ
@@ -284,6 +285,20 @@ def test_the_worst_part_shows_what_a_quartile_of_the_whole_image_hides(usual):
     assert worst_part(planes, grid, pair_tuning) == pytest.approx(5)
     planes.misfit[grid.inner][:, -grid.columns // 4:] = np.nan
     assert worst_part(planes, grid, pair_tuning) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize('cycles, steady', [(1, True), (4, False)])
+def test_the_slowest_colors_are_not_evened_out(cycles, steady):
+    """A field of gains is a surface there; where colors change faster it is one of gains."""
+    method = sensor(pattern__type='unknown')._method.other
+    phase = 2 * np.pi * cycles * np.arange(WIDTH + 60) / WIDTH
+    colors = 0.35 + 0.2 * np.cos(phase[:, None] + np.array([0, 2.1, 4.2]))
+    light = np.broadcast_to(colors, (HEIGHT, WIDTH + 60, 3))
+    rng = np.random.default_rng(2)
+    method.measure(exposed(light[:, :WIDTH], rng), exposed(light[:, 25:WIDTH + 25], rng),
+                   Stopwatch(), Alignment.unknown((WIDTH, HEIGHT)))
+    assert (method.in_force is method.steady) is steady
+    assert method.evening_in_force.on is not steady
 
 
 def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):

@@ -86,15 +86,8 @@ class Evening:
         the noise.
 
         """
-        rows = slice(PAD, PAD + views.grid.nodes[0], self.tuning.slope_step)
-        left, columns = views.left, views.grid.nodes[1]
-        u, v, variance = (plane[rows, PAD:PAD + columns] for plane in (
-            left.u, left.v, left.variance))
-        lit = np.maximum(variance[:, 1:], variance[:, :-1]) < SILENT_VARIANCE
-        if not lit.any():
-            return False
-        slope = np.hypot(np.diff(u), np.diff(v))[lit]
-        return bool(np.median(slope) < self.tuning.steep_slope)
+        slope = median_slope(views, self.tuning.slope_step)
+        return slope is not None and slope < self.tuning.steep_slope
 
     def explains(self, views, planes):
         """Return whether the matches explain enough of the colors to learn from them."""
@@ -219,6 +212,21 @@ class Evening:
                views.right.raw_rows[samples.rows, np.rint(samples.place).astype(np.int32)])
         bins = [view.box.shape[0] // tuning.band_rows + 1 for view in (views.left, views.right)]
         return fit.bands(raw, tuning.band_rows, bins)
+
+
+def median_slope(views, step):
+    """
+    Return how much the colors of the left view change along the rows, per node; None: no light.
+
+    step: distance of the rows that tell it, nodes.
+
+    """
+    rows = slice(PAD, PAD + views.grid.nodes[0], step)
+    left, columns = views.left, views.grid.nodes[1]
+    u, v, variance = (plane[rows, PAD:PAD + columns] for plane in (
+        left.u, left.v, left.variance))
+    lit = np.maximum(variance[:, 1:], variance[:, :-1]) < SILENT_VARIANCE
+    return float(np.median(np.hypot(np.diff(u), np.diff(v))[lit])) if lit.any() else None
 
 
 def moments(view, tuning, columns):

@@ -53,7 +53,7 @@ from .brightness import BrightnessCarrier, without_color
 from .coarse import CoarseSearch
 from .contest import Contest
 from .contest_kernels import OWN
-from .even import Evening
+from .even import Evening, median_slope
 from .grid import HalfGrid
 from .grid_kernels import F4, SILENT_VARIANCE
 from .neighbors import propagate_planes, rough_tiles
@@ -69,7 +69,7 @@ from .texture import (
 from .third.following import allow_third_view, Follower
 from .third.view import ThirdView
 from .trust import Trust
-from .tuning import careful_tuning, detailed_tuning, tuning_for
+from .tuning import careful_tuning, detailed_tuning, steady_tuning, tuning_for
 from .views import Views
 from ..compiled import Arena
 from ..patterns.expectation import Expectation
@@ -118,7 +118,7 @@ class SurfaceMethod:
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.in_force = tuning
         self.found = None
-        self.detailed = detailed_tuning(tuning)
+        self.detailed, self.steady = detailed_tuning(tuning), steady_tuning(tuning)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
@@ -137,6 +137,7 @@ class SurfaceMethod:
         self.evening = Evening(settings.matching, tuning)
         self.detailed_evening = Evening(settings.matching, self.detailed)
         self.careful_evening = Evening(settings.matching, careful_tuning(self.detailed))
+        self.steady_evening = Evening(settings.matching, self.steady)
         self.third = self.follower = None
         if settings.matching.refinements:
             self.warm_refinements()
@@ -239,6 +240,8 @@ class SurfaceMethod:
     @property
     def evening_in_force(self):
         """Return the Evening for what the pair in force shows."""
+        if self.in_force is self.steady:
+            return self.steady_evening
         return self.detailed_evening if self.in_force is self.detailed else self.evening
 
     @property
@@ -653,8 +656,9 @@ class SurfaceMethod:
         Return the seeds of the search for texture, or of the coarse search where there is none.
 
         Without detail at most nodes brightness does not count. Slow colors are then averaged, and
-        otherwise fitted like others. Where there may be detail the search for texture is asked,
-        too: it decides by what it finds.
+        otherwise fitted like others. The slowest ones are compared as they are: a gain of colors
+        that varies over the image cannot be told from a surface that does. Where there may be
+        detail the search for texture is asked, too: it decides by what it finds.
 
         """
         slow = self.tuning.views.averaging_radius > 0
@@ -671,6 +675,9 @@ class SurfaceMethod:
                 views.restore(kept)
         if not detailed:
             self.brightness.rest()
+            slope = median_slope(views, self.tuning.unlike.slope_step)
+            if slope is not None and slope < self.tuning.unlike.slowest_slope:
+                self.suit(self.steady)
             return coarse
         self.suit(self.detailed)
         self.brightness.rely_on(found, views.grid)

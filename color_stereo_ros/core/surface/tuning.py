@@ -439,6 +439,13 @@ class UnlikeTuning(Constants):
         0.3, '1 per node', 'Median slope of the colors along the rows below which small '
         'differences of the cameras are looked for, too.',
         chosen('The default pattern has .38 to .59 on nine scenes, 13 cycles of a sine have .2.'))
+    slowest_slope: float = constant(
+        0.06, '1 per node', 'The same below which colors without detail are not evened out: a '
+        'gain that varies over the image is then a surface that does.',
+        chosen('One sweep has .034, one sine .021, three sweeps .08 to .10, 13 cycles .2. Right, '
+               'and wrong above confidence .9, of a bare casting named unknown: one sine .696 -> '
+               '.770, 1.23 -> .07 %; one sweep .795 -> .836, 2.43 -> .06 %. Noisier wood (bench): '
+               '.793 -> .806, 1.9 -> 3.7 %.'), off=0.0)
     slope_step: int = constant(
         8, 'nodes', 'Distance of the rows that tell the slope.',
         derived('Some 10 000 pairs of nodes.'))
@@ -1504,6 +1511,11 @@ def detailed_tuning(tuning):
         tuning = replace(tuning, **{name: getattr(usual, name) for name in (
             'planes', 'neighbors', 'trust', 'rows', 'bends', 'quality', 'pair', 'unlike')})
     return replace(tuning, neighbors=replace(tuning.neighbors, inertia=tuning.brightness.inertia))
+
+
+def steady_tuning(tuning):
+    """Return a tuning that does not even out the views."""
+    return replace(tuning, unlike=replace(tuning.unlike, blur=False, color=False))
 
 
 def careful_tuning(detailed):
