@@ -27,6 +27,7 @@ from color_stereo_ros.core.surface import (
     bend_kernels, grid_kernels, quality_kernels, raw_kernels, step_kernels, texture_kernels,
     trust_kernels)
 from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, RIVAL_DISTANCE
+from color_stereo_ros.core.surface.contest_kernels import NEIGHBOR, OWN, SEED
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
 from color_stereo_ros.core.surface.pixel_kernels import bounded, OWN_SHARE
@@ -556,6 +557,44 @@ def lower_beside_steps(d, rough, low, high, lost, kept, odds):
     rows, end = slice(PAD, PAD + rough.shape[0]), PAD + rough.shape[1]
     out[rows, PAD - 1], out[rows, end] = out[rows, PAD], out[rows, end - 1]
     return out
+
+
+def window_difference(left, right, gain, y, x, plane, cap):
+    """Return the truncated absolute differences of 3 x 3 nodes under a plane."""
+    d, a, b = plane
+    rows, columns, _ = left.shape
+    total = 0.0
+    for row, column in ((min(max(y + j, 0), rows - 1), min(max(x + i, 0), columns - 1))
+                        for j in (-1, 0, 1) for i in (-1, 0, 1)):
+        place = 2 * column - (d + a * (column - x) + b * (row - y))
+        if not 0 <= place < right.shape[1] - 1:
+            total += cap
+            continue
+        at = int(place)
+        found = (1 - place + at) * right[row, at].astype(float) + (
+            place - at) * right[row, at + 1].astype(float)
+        total += min(np.abs(left[row, column] - gain * found).sum(), cap)
+    return total
+
+
+def contest(left, right, gain, wanted, seed, seed_variance, cap, margin, planes, y, x):
+    """Return d, a, b, variance and winner of one node; planes: these four, framed."""
+    d, a, b, variance = (each[y + PAD, x + PAD] for each in planes)
+    best, least = (d, a, b, variance, OWN), np.inf
+    if not wanted[y, x]:
+        return best
+    if np.isfinite(d):
+        least = window_difference(left, right, gain[y, x], y, x, (d, a, b), cap) - margin
+    candidates = [(seed[y + PAD, x + PAD], 0, 0, seed_variance, SEED)]
+    for j, i in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        there = [each[y + PAD + j, x + PAD + i] for each in planes]
+        candidates.append((there[0] - there[1] * i - there[2] * j, *there[1:], NEIGHBOR))
+    for candidate in candidates:
+        if np.isfinite(candidate[0]):
+            cost = window_difference(left, right, gain[y, x], y, x, candidate[:3], cap)
+            if cost < least - 1e-3:  # the kernel adds in float32
+                best, least = candidate, cost
+    return best
 
 
 def find_smooth_tiles(planes, variance, tiles, halo, step):

@@ -18,11 +18,13 @@ from color_stereo_ros.core.compiled import Arena
 from color_stereo_ros.core.surface.contest import Contest
 from color_stereo_ros.core.surface.contest_kernels import NEIGHBOR, OWN, SEED
 from color_stereo_ros.core.surface.grid import HalfGrid
-from color_stereo_ros.core.surface.grid_kernels import F4, PAD
+from color_stereo_ros.core.surface.grid_kernels import F4
 from color_stereo_ros.core.surface.planes import PlaneField
 from color_stereo_ros.core.surface.tuning import TUNING
 
 import cv2
+
+import naive_surface as naive
 
 import numpy as np
 
@@ -137,24 +139,6 @@ def test_a_neighbor_hands_over_its_slope_and_its_variance():
             for v, u, j, i in sources)
 
 
-def naive_difference(left, right, gain, y, x, plane, cap):
-    """See `contest_kernels.window_difference`."""
-    d, a, b = plane
-    rows, columns, _ = left.shape
-    total = 0.0
-    for row, column in ((min(max(y + j, 0), rows - 1), min(max(x + i, 0), columns - 1))
-                        for j in (-1, 0, 1) for i in (-1, 0, 1)):
-        place = 2 * column - (d + a * (column - x) + b * (row - y))
-        if not 0 <= place < right.shape[1] - 1:
-            total += cap
-            continue
-        at = int(place)
-        found = (1 - place + at) * right[row, at].astype(float) + (
-            place - at) * right[row, at + 1].astype(float)
-        total += min(np.abs(left[row, column] - gain * found).sum(), cap)
-    return total
-
-
 def test_the_kernel_agrees_with_its_naive_twin():
     rng = np.random.default_rng(8)
     left, right = step_pair()
@@ -172,22 +156,10 @@ def test_the_kernel_agrees_with_its_naive_twin():
     wanted = contest.wanted(planes.d, seed)
     winner = contest.hold(planes, (left, right), balance, seed)
     cap, margin = 3 * CONTEST.cap, 27 * CONTEST.margin
+    gain = (1 + balance) / (1 - balance)
     for y, x in zip(*(rng.integers(0, count, 400) for count in grid.nodes)):
-        d, a, b, variance = (each[y + PAD, x + PAD] for each in old)
-        best, least = (d, a, b, variance, OWN), np.inf
-        if wanted[y, x]:
-            gain = (1 + balance[y, x]) / (1 - balance[y, x])
-            candidates = [(seed[y + PAD, x + PAD], 0, 0, SEED_VARIANCE, SEED)]
-            for j, i in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                there = [each[y + PAD + j, x + PAD + i] for each in old]
-                candidates.append((there[0] - there[1] * i - there[2] * j, *there[1:], NEIGHBOR))
-            if np.isfinite(d):
-                least = naive_difference(left, right, gain, y, x, (d, a, b), cap) - margin
-            for candidate in candidates:
-                if np.isfinite(candidate[0]):
-                    cost = naive_difference(left, right, gain, y, x, candidate[:3], cap)
-                    if cost < least - 1e-3:  # float32 sums
-                        best, least = candidate, cost
+        expected = naive.contest(left, right, gain, wanted, seed, SEED_VARIANCE, cap, margin, old,
+                                 y, x)
         got = [each[inner][y, x] for each in (planes.d, planes.a, planes.b, planes.variance)]
-        np.testing.assert_allclose(got, best[:4], rtol=1e-5, atol=1e-5)
-        assert winner[y, x] == best[4]
+        np.testing.assert_allclose(got, expected[:4], rtol=1e-5, atol=1e-5)
+        assert winner[y, x] == expected[4]

@@ -31,7 +31,7 @@ BARS = {640: 0.02, 1280: 0.01}
 @pytest.mark.long
 def test_images_calibrate_to_their_bars(effort, figures):
     for width in BARS if effort.full else (640,):
-        seeds = effort.seeds(1, 40 if width == 640 else 4)
+        seeds = effort.seeds(3, 40 if width == 640 else 4)  # errors of one are all alike
         found = {name: value for name, (value, _) in summary(
             list(study(KIND, seeds, width))).items()}
         for name, goals in goals_of(width, effort.full).items():
@@ -40,7 +40,7 @@ def test_images_calibrate_to_their_bars(effort, figures):
 
 
 def goals_of(width, full):
-    """Return what figures have to reach; one seed tells no z68."""
+    """Return what figures have to reach; few seeds tell no z68."""
     goals = {'rows': {'at_most': 0.015}, 'Z': {'at_most': BARS[width]},
              'rows and Z within 3 sigma': {'at_least': 0.95}}
     for name, least in {'z68 of the parameters': 0.8, 'z68 of Z': 0.8, 'z68 of rows': 0.0}.items():

@@ -142,7 +142,7 @@ def test_switches_come_from_the_settings_and_switch_something_off():
 def test_constants_of_the_surface_method_are_switches_too():
     found = {name: value for name, value in ablation.switches('surface').items()
              if name in CONSTANTS}
-    assert found == switched_off() and {'steps.odds', 'brightness.disputed_distance'} <= set(found)
+    assert found == switched_off() and {'steps.odds', 'contest.cap'} <= set(found)
     assert not set(CONSTANTS) & set(Settings().flat())
     assert all(CONSTANTS[name].value != off for name, off in found.items())
     replaced(TUNING, found)
