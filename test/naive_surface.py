@@ -580,7 +580,7 @@ def window_difference(left, right, gain, y, x, plane, cap):
 def contest(left, right, gain, wanted, seed, seed_variance, cap, margin, planes, y, x):
     """Return d, a, b, variance and winner of one node; planes: these four, framed."""
     d, a, b, variance = (each[y + PAD, x + PAD] for each in planes)
-    best, least = (d, a, b, variance, OWN), np.inf
+    best, least = (d, a, b, variance, OWN), 9 * cap
     if not wanted[y, x]:
         return best
     if np.isfinite(d):

@@ -26,7 +26,7 @@ from color_stereo_ros.calibration.board_model import BoardModel, State
 from color_stereo_ros.calibration.evidence import agreement_of_halves, choose_lens
 from color_stereo_ros.calibration.guidance import grid_of, Quality
 from color_stereo_ros.calibration.least_squares import inverse_information
-from color_stereo_ros.calibration.shared_errors import smooth_terms
+from color_stereo_ros.calibration.shared_errors import shared_covariance, smooth_terms
 from color_stereo_ros.calibration.views import View
 from color_stereo_ros.core import CalibrationError
 
@@ -140,6 +140,27 @@ def test_errors_that_all_views_share_move_the_result_as_foretold(fifteen):
     u, v = np.meshgrid(np.arange(0.5, 640), np.arange(0.5, 480))
     terms = smooth_terms(np.column_stack([u.ravel(), v.ravel()]), SIZE)
     assert np.square(terms).sum(axis=1).mean() == pytest.approx(1, rel=1e-3)
+
+
+@pytest.mark.parametrize('factor', [0.5, 4.0])
+def test_bold_sigmas_do_not_change_what_views_share(fifteen, factor):
+    """A common factor of all sigmas is in the scale; the shared errors move values as before."""
+    views = seen(rig(), fifteen, np.random.default_rng(1))
+    state = adjust(SIZE, CORNERS, views)
+    state = State(state.parameters, state.bend, state.rotations, state.translations)
+
+    def shared(some):
+        problem = problem_of(BoardModel(CORNERS), some)
+        equations = problem.equations(state, np.ones(state.shared.size, bool))
+        return shared_covariance(problem, state, inverse_information(equations.information()))
+
+    bold = [View(view.name, **{side: replace(getattr(view, side), sigma=getattr(
+        view, side).sigma * factor) for side in ('left', 'right')}) for view in views]
+    # robust weights and the priors of poses know the sigmas
+    np.testing.assert_allclose(shared(bold), shared(views), rtol=0.005, atol=1e-10)
+    told = [np.diag(adjust(SIZE, CORNERS, each).matrix) for each in (bold, views)]
+    if factor < 1:  # the scale makes up for it
+        np.testing.assert_allclose(*told, rtol=0.02)
 
 
 def test_a_bent_board_is_modeled(effort, figures, fifteen):

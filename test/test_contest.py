@@ -14,6 +14,7 @@
 # limitations under the License.
 """The contest: small windows tell which plane a node beside a step belongs to."""
 
+from color_stereo_ros.core import ColorStereo
 from color_stereo_ros.core.compiled import Arena
 from color_stereo_ros.core.surface.contest import Contest
 from color_stereo_ros.core.surface.contest_kernels import NEIGHBOR, OWN, SEED
@@ -29,6 +30,8 @@ import naive_surface as naive
 import numpy as np
 
 import pytest
+
+from surface_pairs import exposed, photographed, plane, rig, surface_settings
 
 ROWS, COLUMNS = 40, 64
 EDGE = 32  # column of the nodes at which the near surface begins
@@ -121,6 +124,16 @@ def test_light_of_which_one_camera_sees_more_is_evened_out(gain):
     assert right_share(planes) > 0.98
 
 
+def test_what_is_unknown_takes_no_plane_that_fits_nowhere():
+    """All candidates point outside the right view."""
+    planes = mixed_planes()
+    inner = planes.grid.inner
+    planes.d[inner] = 900.0
+    planes.d[inner][10:20, 20:30] = np.nan
+    assert (held(planes, step_pair()) == OWN).all()
+    assert np.isnan(planes.d[inner][10:20, 20:30]).all()
+
+
 def test_a_neighbor_hands_over_its_slope_and_its_variance():
     planes = mixed_planes(1)
     inner = planes.grid.inner
@@ -137,6 +150,48 @@ def test_a_neighbor_hands_over_its_slope_and_its_variance():
             (planes.d[inner][y, x], planes.variance[inner][y, x]),
             (before[0][v, u] - before[1][v, u] * i - before[2][v, u] * j, before[3][v, u]))
             for v, u, j, i in sources)
+
+
+@pytest.mark.parametrize('weak', [True, False])
+def test_weak_pairs_hold_the_contest_and_winners_are_not_sure(monkeypatch, weak):
+    width, height = 320, 240
+    truth = plane(width, height, 22.0, 0.0)
+    truth[:, width // 2:] += 8
+    rng = np.random.default_rng(5)
+    images = [exposed(photographed(shift), rng) for shift in (-truth, 0 * truth)]
+    stereo = ColorStereo(rig(width, height), surface_settings(15, 35), rectified_input=True)
+    method = stereo._method
+    stereo.process(*images)
+    method.contest.winner[:] = SEED  # of no pair
+    monkeypatch.setattr(type(method.steps), 'weak', lambda *rest: weak)
+    bounded = []
+    monkeypatch.setattr(type(method.steps), 'bound', lambda steps, verdict, nodes, bound=type(
+        method.steps).bound: (bound(steps, verdict, nodes), bounded.append((
+            nodes.copy(), verdict.log_odds[method.views.grid.inner].copy()))))
+    result = stereo.process(*images)
+    assert np.nanmedian(np.abs(result.disparity - truth)) < 0.1
+    if not weak:
+        assert not bounded and (method.contest.winner == SEED).all()
+        return
+    (winners, odds), = bounded
+    assert winners.any() and (odds[winners] <= F4(TUNING.steps.kept_odds)).all()
+    assert np.median(odds) > TUNING.steps.kept_odds
+    assert set(np.unique(method.contest.winner)) == {OWN, NEIGHBOR}
+
+
+def test_winners_of_pairs_whose_planes_seeds_hold_are_not_sure():
+    width, height = 320, 240
+    truth = plane(width, height, 22.0, 0.0)
+    truth[:, width // 2:] += 8
+    rng = np.random.default_rng(5)
+    gray = [np.repeat(exposed(photographed(shift), rng)[..., :1], 3, axis=2)
+            for shift in (-truth, 0 * truth)]
+    stereo = ColorStereo(rig(width, height), surface_settings(15, 35), rectified_input=True)
+    stereo.process(*gray)
+    method = stereo._method
+    winners = method.contest.winner != OWN
+    odds = method.trust.verdict.log_odds[method.views.grid.inner]
+    assert winners.any() and (odds[winners] <= F4(TUNING.steps.kept_odds)).all()
 
 
 def test_the_kernel_agrees_with_its_naive_twin():

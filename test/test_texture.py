@@ -232,9 +232,10 @@ def test_a_seed_replaces_a_plane_only_where_it_fits_better(plane, seed):
     planes, carrier, seeds = planes_beside_seeds(0.9, plane, seed)
     grid, views = views_of(13)
     planes.a[grid.inner] = 0
-    Contest(grid, TUNING, Arena()).hold(
-        planes, TextureSearch(grid, (-10, 20), TUNING).plain(views, True),
-        np.zeros(grid.nodes, F4), carrier.claims(grid))
+    search = TextureSearch(grid, (-10, 20), TUNING)
+    search.search(views, True)
+    Contest(grid, TUNING, Arena()).hold(planes, search.compared, np.zeros(grid.nodes, F4),
+                                        carrier.claims(grid))
     carrier.settle(planes, seeds)
     middle = np.s_[5:-5, 15:-15]
     assert np.mean(np.abs(planes.d[grid.inner][middle] - 13) < 0.01) > 0.99

@@ -27,6 +27,7 @@ from color_stereo_ros.core.surface.pair_model import worst_part
 from color_stereo_ros.core.surface.planes import PlaneField
 from color_stereo_ros.core.surface.raw_faults import (
     Looker, quantization, step_of, without_hot_pixels)
+from color_stereo_ros.core.surface.texture import TextureSearch
 from color_stereo_ros.core.surface.tuning import PERIODIC, TUNING
 from color_stereo_ros.core.surface.unlike import LINEAR
 import cv2
@@ -130,9 +131,12 @@ def test_raised_colors_are_like_those_without_crosstalk(usual):
 def test_colors_that_go_back_are_the_same_bytes(usual):
     views = usual._method.views
     views.load(*pair(mixed_by(0.3), mixed_by(0.3)), np.zeros(7))
-    _, before = views.copied()
-    views.lower_colors(views.raise_faint_colors())
-    assert not views.raised
+    views.evened = 2.0
+    known, before = views.copied()
+    kept = views.raise_faint_colors()
+    views.noise_weight, views.evened = 7.0, 9.0
+    views.lower_colors(kept)
+    assert not views.raised and (views.noise_weight, views.evened) == known
     assert all(np.array_equal(*each) for each in zip(before, views.colors()))
 
 
@@ -283,6 +287,8 @@ def test_the_worst_part_shows_what_a_quartile_of_the_whole_image_hides(usual):
     planes.misfit[grid.inner] = 0.1 * pair_tuning.quartile
     planes.misfit[grid.inner][:, -grid.columns // 4:] = 5 * pair_tuning.quartile
     assert worst_part(planes, grid, pair_tuning) == pytest.approx(5)
+    planes.misfit[grid.inner][::3, ::2] = np.nan  # a part keeps the rest of its nodes
+    assert worst_part(planes, grid, pair_tuning) == pytest.approx(5)
     planes.misfit[grid.inner][:, -grid.columns // 4:] = np.nan
     assert worst_part(planes, grid, pair_tuning) == pytest.approx(0.1)
 
@@ -299,6 +305,28 @@ def test_the_slowest_colors_are_not_evened_out(cycles, steady):
                    Stopwatch(), Alignment.unknown((WIDTH, HEIGHT)))
     assert (method.in_force is method.steady) is steady
     assert method.evening_in_force.on is not steady
+
+
+@pytest.mark.parametrize('more', [True, False])
+def test_slow_colors_are_averaged_unless_the_search_for_texture_finds_more(monkeypatch, more):
+    stereo = sensor(pattern__type='sine', pattern__cycles=1)
+    method = stereo._method
+    monkeypatch.setattr(type(method), 'detail_shown', lambda *rest: (False, True))
+    monkeypatch.setattr(TextureSearch, 'finds_more', lambda *rest: more)
+    seen = []
+    monkeypatch.setattr(type(method.views), 'average', lambda views, average=type(
+        method.views).average: (
+        seen.append((views.noise_weight, views.left.u.copy())),
+                                average(views)))
+    light = np.broadcast_to(0.35 + 0.2 * np.cos(
+        2 * np.pi * np.arange(WIDTH + 60)[:, None] / WIDTH + np.array([0, 2.1, 4.2])),
+        (HEIGHT, WIDTH + 60, 3))
+    rng = np.random.default_rng(2)
+    stereo.process(exposed(light[:, :WIDTH], rng), exposed(light[:, 25:WIDTH + 25], rng))
+    weight = seen[0]
+    assert method.brightness.seeded is more
+    assert (method.in_force is method.detailed) is more
+    assert bool(method.views.noise_weight == weight) is more
 
 
 def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):

@@ -268,10 +268,9 @@ def _result(problem, state, views, dropped):
     if number <= unknown:
         raise CalibrationError(UNDETERMINED)
     scale = np.sqrt(equations.cost / (number - unknown))
+    told = inverse_information(equations.information())
     # Errors that corners share do not scatter: small residuals are no reason to claim more.
-    information = equations.information() / max(scale, 1.0)**2
-    matrix = inverse_information(information)
-    matrix = matrix + shared_covariance(problem, state, matrix)
+    matrix = told * max(scale, 1.0)**2 + shared_covariance(problem, state, told)
     information = inverse_information(matrix)
     _check_focal_lengths(state.parameters, matrix)
     return Adjustment(

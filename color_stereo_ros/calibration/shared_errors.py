@@ -41,7 +41,8 @@ def shared_covariance(problem, state, matrix):
     state : State
         The solution.
     matrix : numpy.ndarray, float64, shape (k, k)
-        Covariance of the shared values by noise alone.
+        Covariance of the shared values by what the corners claim: the same weights as those of
+        the pulls, so that a common factor of all sigmas changes nothing.
 
     Returns
     -------

@@ -71,7 +71,8 @@ class Contest:
         channels, tuning = left.shape[2], self.tuning
         seed = self.nothing if seed is None else seed
         window = (2 * tuning.reach + 1) ** 2
-        gain = (F4(1) + balance) / (F4(1) - balance)
+        limit = F4(tuning.largest_gain)
+        gain = np.clip((F4(1) + balance) / (F4(1) - balance), 1 / limit, limit)
         with planes.rewriting(keep_unwritten=True) as (old, new):
             contest(left, right, gain, self.wanted(old.d, seed), seed, self.seed_variance,
                     F4(tuning.cap * channels), F4(tuning.margin * channels * window), old.d,

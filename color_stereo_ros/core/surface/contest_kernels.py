@@ -21,7 +21,6 @@ from .tuning import TUNING
 from ..compiled import band, banded, part
 
 REACH = TUNING.contest.reach  # compiled into the kernels
-WORST = F4(np.inf)
 OWN, SEED, NEIGHBOR = range(3)  # whose plane a node has
 
 
@@ -69,6 +68,7 @@ def contest(k, left, right, gain, wanted, seed, seed_variance, cap, margin, d, a
 
     """
     rows, columns = wanted.shape
+    nowhere = F4((2 * REACH + 1) ** 2) * cap  # what no plane that fits nowhere beats
     first, last = band(k, rows)
     for row in range(first, last):
         y = row + PAD
@@ -78,7 +78,7 @@ def contest(k, left, right, gain, wanted, seed, seed_variance, cap, margin, d, a
             who = OWN
             if wanted[row, column]:
                 bright = gain[row, column]
-                least = WORST
+                least = nowhere
                 if best_d == best_d:
                     least = window_difference(left, right, bright, row, column, best_d, best_a,
                                               best_b, cap) - margin

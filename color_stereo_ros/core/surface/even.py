@@ -168,7 +168,8 @@ class Evening:
         if first:  # something differs: look closely
             return self.measure(views, planes, tuning.next_steps, share)
         if blurred:
-            blur, blurs = self.curved(samples, views, blur, blurs)
+            if not oblique:
+                blur, blurs = self.curved(samples, views, blur, blurs)
             # a loss of contrast looks like blur, and the other way round
             gamma, matrix, strength = 0.0, np.zeros_like(matrix), (strength[0], 0.0, 0.0)
         bands = self.bands(views, planes) if banded else ()

@@ -30,9 +30,10 @@ The surface method: coarse to fine, with a slanted plane at every node.
 4. rows: by how much the rows of the two views disagree. If that matters, the right view is read
    elsewhere and the pair is matched again, see `aligning`.
 5. bend: planes of surfaces that bend within a window are put in the right place.
-6. judge: how well planes fit corrects their variance; then log-odds, standard deviation and
-   reason of every node. What is hidden from the right camera, fits badly or is too uncertain
-   gets no range.
+6. judge: small windows tell which plane nodes beside steps belong to, where seeds hold the
+   planes or the pair says little; how well planes fit corrects their variance; then log-odds,
+   standard deviation and reason of every node. What is hidden from the right camera, fits
+   badly or is too uncertain gets no range.
 7. expand: from nodes to pixels.
 
 These are the names of the stages in `RangeResult.seconds`; those of a round carry its number.
@@ -212,8 +213,10 @@ class SurfaceMethod:
         if self.brightness.seeded:
             self.settle_disputes(views, planes, seeds)
         verdict = self.judge(views, planes, seeds, uneven)
+        if self.brightness.seeded:
+            self.steps.bound(verdict, self.contest.winner != OWN)
         if self.settings.matching.refinements:
-            self.doubt_steps(views, planes, seeds, uneven, verdict)
+            verdict = self.doubt_steps(views, planes, seeds, uneven, verdict)
         if self.aligner is not None and not (
                 seeds.alike_share > self.tuning.brightness.agreeing_share):
             verdict.log_odds[:] -= F4(doubt(alignment))
@@ -388,15 +391,16 @@ class SurfaceMethod:
 
         Blur, noise and compression mix two surfaces in a window of the least squares. Smaller
         windows tell better then which one a node belongs to. Where the pair says enough, they
-        tell no more. Writes verdict and, of planes, d, a, b and variance.
+        tell no more. Writes d, a, b and variance of planes; returns the Verdict.
 
         """
         if self.steps.weak(verdict, self.quality) and not self.brightness.seeded:
-            winner = self.contest.hold(planes, self.texture.plain(views, self.gray),
-                                       self.trust.usual_balance(views, planes))
-            self.judge(views, planes, seeds, uneven)
-            self.steps.bound(verdict, winner != OWN)
+            self.contest.hold(planes, self.texture.plain(views),
+                              self.trust.usual_balance(views, planes))
+            verdict = self.judge(views, planes, seeds, uneven)
+            self.steps.bound(verdict, self.contest.winner != OWN)
         self.steps.doubt(planes, verdict, self.quality)
+        return verdict
 
     def uneven(self, planes):
         """
@@ -790,7 +794,10 @@ class SurfaceMethod:
             if not changed:
                 break
             if size >= 1:
+                before = self.in_force
                 pair = self.search_again(views, planes, search)
+                if self.in_force is not before and not self.evening_in_force.on:
+                    break  # what the search now sees is not evened out
                 continue
             pair = self.measured_anew(views, planes)
             # planes have taken a part of the difference; only detail tells which

@@ -64,7 +64,12 @@ class Steps:
         return self.weakness(verdict, quality, self.roughness(quality)) > 0
 
     def bound(self, verdict, nodes):
-        """Let no node of some, bool (rows, columns), be surer than doubted ones may be."""
+        """
+        Let no node of some, bool (rows, columns), be surer than doubted ones may be.
+
+        Those that have changed hands are judged by the misfit of the plane they had.
+
+        """
         odds = verdict.log_odds[self.grid.inner]
         np.minimum(odds, F4(self.tuning.kept_odds), out=odds, where=nodes)
         self.grid.repeat_columns(verdict.log_odds)

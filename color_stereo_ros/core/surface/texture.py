@@ -91,7 +91,7 @@ class TextureSearch:
         found, alike = more_alike(plain, *(matched(matcher, images, first, count)[:, ::2]
                                            for images in (plain, evened)), self.tuning)
         share = float(np.mean(alike > F4(self.tuning.alike)))
-        self.compared = at_nodes(plain)
+        self.compared = self.at_nodes(plain)
         return Seeds(found * F4(0.5), 1, None, 0.0, alike_share=share, likeness=alike)
 
     def finds_more(self, found, planes):
@@ -136,9 +136,15 @@ class TextureSearch:
         high = min(self.first + self.count - 1, math.ceil(kept[-1 - beyond]) + margin)
         return low, self.taken(high - low + 1)
 
-    def plain(self, views, gray):
+    def plain(self, views):
         """Return the colors of a pair as they are, see `Contest.hold`."""
-        return at_nodes(self.images(views, gray, False))
+        return self.at_nodes(self.images(views, False, False))
+
+    def at_nodes(self, images):
+        """Return both images: the left one of nodes, the right one as wide as its view."""
+        left, right = images
+        return (np.ascontiguousarray(left[:, ::2]),
+                np.ascontiguousarray(right[:, :self.grid.width - 1]))
 
     def images(self, views, gray, even):
         """Return the images of both views, see `image`; gray: of one channel."""
@@ -163,12 +169,6 @@ class TextureSearch:
         out = np.empty((nodes, columns * step, channels), np.uint8)
         local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, F4(level), out)
         return out if step > 1 else between_nodes(out)
-
-
-def at_nodes(images):
-    """Return left and right images, the left one with a column per node only."""
-    left, right = images
-    return np.ascontiguousarray(left[:, ::2]), right
 
 
 def matched(matcher, images, first, count):

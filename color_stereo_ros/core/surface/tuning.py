@@ -392,7 +392,8 @@ class PairTuning(Constants):
         (3, 4), '1', 'Rows and columns of parts of the image whose noise scale is asked for.',
         unexplained('A border of a quarter of the image.'))
     least_part: int = constant(
-        50, '1', 'Matches below which a part is not asked.', unexplained('A quartile needs some.'))
+        20, '1', 'Matches below which a part is not asked.',
+        derived('A part of an image of 320 x 240 px has 50, of which some are hidden.'))
     adapt_steps: tuple = constant(
         (8, 4), 'nodes', 'Rows and columns between the nodes that noise and colors are measured '
         'from.', chosen('2400 nodes are left at 640 x 480 (0fbf028).'))
@@ -899,6 +900,9 @@ class ContestTuning(Constants):
     cap: float = constant(
         10.0, 'DN', 'Largest difference of a node, per channel.',
         chosen('7 to 20: right within .002, mean of 29 pairs.'), off=0.0)
+    largest_gain: float = constant(
+        4.0, '1', 'Largest factor between the brightness of both views.',
+        unexplained('Beyond it the rounding of 8 bits decides.'))
     margin: float = constant(
         0.2, 'DN', 'By how much another plane must fit better, per node of a window and channel.',
         chosen('0: photographs .8934, simulated .8789, others .9281 right; .2: .8951, .8787, '

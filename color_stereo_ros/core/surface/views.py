@@ -190,21 +190,16 @@ class Views:
 
     def lower_colors(self, kept):
         """Undo `raise_faint_colors`, which has returned this."""
-        self.take_back(kept)
+        self.restore(kept)
         self.raised = False
 
     def copied(self):
-        """Return what `restore` takes: the colors of both views as they are, and their noise."""
-        return self.noise_weight, [each.copy() for each in self.colors()]
+        """Return what `restore` takes: the colors of both views as they are, and what is known."""
+        return (self.noise_weight, self.evened), [each.copy() for each in self.colors()]
 
     def restore(self, kept):
         """Take back what has changed in the colors since `copied` returned this."""
-        self.take_back(kept)
-        self.evened = 0.0
-
-    def take_back(self, kept):
-        """Write what `copied` has returned."""
-        self.noise_weight, colors = kept
+        (self.noise_weight, self.evened), colors = kept
         for each, old in zip(self.colors(), colors):
             each[:] = old
 

@@ -159,7 +159,7 @@ def light_of(scene, rig, side):
 def through_lens(light, view, scene):
     """Return fine light behind a lens that is out of focus, moves, or scatters colors."""
     if view.uneven_blur:
-        light = unevenly_blurred(light, view.uneven_blur, scene.scale)
+        light = unevenly_blurred(light, view, scene.scale)
     else:
         light = out_of_focus(light, view.blur, scene.scale)
     if any(view.motion):
@@ -175,16 +175,17 @@ def out_of_focus(light, sigma, scale):
     return cv2.GaussianBlur(light, (0, 0), scale * float(np.hypot(LENS_BLUR, sigma)))
 
 
-def unevenly_blurred(light, deviation, scale):
+def unevenly_blurred(light, view, scale):
     """Return fine light behind a lens whose blur varies, see `View.uneven_blur`."""
     height, width = light.shape[:2]
-    sigma = np.broadcast_to(deviation(np.linspace(-1, 1, height)[:, None],
-                                      np.linspace(-1, 1, width)[None]), (height, width))
+    sigma = np.broadcast_to(view.uneven_blur(np.linspace(-1, 1, height)[:, None],
+                                             np.linspace(-1, 1, width)[None]), (height, width))
     steps = np.arange(int(np.ceil(sigma.max() / BLUR_STEP)) + 1)
     blurred = np.zeros_like(light)
     for step in steps:  # each place lies between two of them
         share = np.clip(1 - np.abs(sigma / BLUR_STEP - step), 0, 1).astype(np.float32)
-        blurred += share[..., None] * out_of_focus(light, BLUR_STEP * step, scale)
+        here = float(np.hypot(view.blur, BLUR_STEP * step))
+        blurred += share[..., None] * out_of_focus(light, here, scale)
     return blurred
 
 
