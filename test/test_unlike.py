@@ -313,20 +313,17 @@ def test_slow_colors_are_averaged_unless_the_search_for_texture_finds_more(monke
     method = stereo._method
     monkeypatch.setattr(type(method), 'detail_shown', lambda *rest: (False, True))
     monkeypatch.setattr(TextureSearch, 'finds_more', lambda *rest: more)
-    seen = []
-    monkeypatch.setattr(type(method.views), 'average', lambda views, average=type(
-        method.views).average: (
-        seen.append((views.noise_weight, views.left.u.copy())),
-                                average(views)))
+    weights, average = [], type(method.views).average
+    monkeypatch.setattr(type(method.views), 'average', lambda views: (
+        weights.append(views.noise_weight), average(views)))
     light = np.broadcast_to(0.35 + 0.2 * np.cos(
         2 * np.pi * np.arange(WIDTH + 60)[:, None] / WIDTH + np.array([0, 2.1, 4.2])),
         (HEIGHT, WIDTH + 60, 3))
     rng = np.random.default_rng(2)
     stereo.process(exposed(light[:, :WIDTH], rng), exposed(light[:, 25:WIDTH + 25], rng))
-    weight = seen[0]
     assert method.brightness.seeded is more
     assert (method.in_force is method.detailed) is more
-    assert bool(method.views.noise_weight == weight) is more
+    assert bool(method.views.noise_weight == weights[0]) is more
 
 
 def test_motion_of_one_camera_is_told_from_a_lens_out_of_focus(usual, monkeypatch):
