@@ -577,6 +577,26 @@ def window_difference(left, right, gain, y, x, plane, cap):
     return total
 
 
+def average_alike(u, v, variance, reach_y, reach_x, tolerance):
+    """Return the averages (u, v) of colors with opposite pairs of others that are alike."""
+    rows, columns = u.shape
+    out = np.stack([u, v]).astype(float)
+    for y, x in np.ndindex(rows, columns):
+        if not variance[y, x] < SILENT_VARIANCE:
+            continue
+        alike = [(y, x)]
+        for j, i in np.ndindex(2 * reach_y + 1, 2 * reach_x + 1):
+            pair = [(y + sign * (j - reach_y), x + sign * (i - reach_x)) for sign in (1, -1)]
+            if pair[0] != (y, x) and all(
+                    0 <= row < rows and 0 <= column < columns
+                    and variance[row, column] < SILENT_VARIANCE
+                    and np.hypot(u[row, column] - u[y, x], v[row, column] - v[y, x]) < tolerance
+                    for row, column in pair):
+                alike.append(pair[0])
+        out[:, y, x] = [np.mean([plane[each] for each in alike]) for plane in (u, v)]
+    return out
+
+
 def contest(left, right, gain, wanted, seed, seed_variance, cap, margin, planes, y, x):
     """Return d, a, b, variance and winner of one node; planes: these four, framed."""
     d, a, b, variance = (each[y + PAD, x + PAD] for each in planes)

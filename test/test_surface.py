@@ -414,27 +414,6 @@ def test_confident_ranges_beside_steps_are_right_and_doubtful_ones_more_often_wr
             np.mean(confidence) - np.mean(right), '', over=seeds, at_most=0.05)
 
 
-@pytest.mark.parametrize('step_x', [2, 1])
-def test_print_shows_beside_slow_colors_and_noise_does_not(step_x):
-    tuning = changed(TUNING, slow(4)).views
-    view = zoomed_view(step_x, tuning=tuning)[0]
-    rng = np.random.default_rng(4)
-    noise = rng.uniform(0.95, 1.05, view.s.shape)
-    ink = np.where(np.arange(view.s.shape[1]) // 7 % 2, 0.4, 1.0)
-    for light, shows in ((noise, False), (noise * ink, True)):
-        view.u[:], view.s[:] = 0, 90 * light
-        view.add_print()
-        level = np.log(view.s + tuning.print_offset)
-        radius = tuning.print_radius, tuning.print_radius * view.columns_per_node
-        for y, x in rng.integers(20, min(view.s.shape) - 20, (200, 2)):
-            around = level[y - radius[0]:y + radius[0] + 1, x - radius[1]:x + radius[1] + 1]
-            excess = level[y, x] - around.mean()
-            expected = tuning.print_gain * np.sign(excess) * max(
-                abs(excess) - tuning.least_print, 0)
-            assert view.u[y, x] == pytest.approx(expected, abs=1e-4)
-        assert (np.abs(view.u).max() > 0.05) == shows
-
-
 def test_brightening_both_images_changes_nothing(stereo):
     dim, bright = (stereo.process(*plane_pair(WIDTH, HEIGHT, 20.3, brightness=level, noise=False))
                    for level in (90.0, 180.0))

@@ -53,7 +53,7 @@ from color_stereo_ros.core.surface.trust_kernels import (
     MISFIT_CAP, rescale_std, root_of, settle, UNKNOWN_ODDS, weigh_evidence)
 from color_stereo_ros.core.surface.tuning import TUNING
 from color_stereo_ros.core.surface.view_kernels import (
-    add_color_sums, box_sums, channel_levels, sample_colors)
+    add_color_sums, average_alike, box_sums, channel_levels, sample_colors)
 import naive_surface as naive
 import numpy as np
 import pytest
@@ -179,6 +179,28 @@ def test_colors_are_sampled_between_pixels_with_a_variance(rows, widened):
         expected[:2] = [naive.widen(plane, *widening) for plane in expected[:2]]
     np.testing.assert_allclose(out, np.stack(expected), rtol=1e-4, atol=1e-4)
     assert (out[4] < SILENT_VARIANCE).any() and (out[4][index >= 0] == SILENT_VARIANCE).any()
+
+
+@pytest.mark.parametrize('width', [37, 150])  # one part of a row, and two
+@pytest.mark.parametrize('reach_y, reach_x', [(3, 3), (2, 4), (0, 1)])
+def test_colors_are_averaged_in_opposite_pairs_that_are_alike(reach_y, reach_x, width):
+    rng = np.random.default_rng(7)
+    u, v = rng.normal(0, 0.03, (2, 19, width)).astype(F4) + F4(0.02) * np.arange(width, dtype=F4)
+    u[:, width // 2:] += F4(0.5)  # a depth edge
+    variance = np.where(rng.uniform(size=u.shape) < 0.1, SILENT_VARIANCE, F4(0.01))
+    out = np.full((2, *u.shape), 9, F4)
+    average_alike(u, v, variance, reach_y, reach_x, F4(0.15), *out)
+    expected = naive.average_alike(u, v, variance, reach_y, reach_x, 0.15)
+    np.testing.assert_allclose(out, expected, atol=1e-5)
+    assert np.abs(out[0] - u).max() < 0.15 and np.abs(out[0] - u).mean() > 0.005
+
+
+def test_averages_keep_slopes_and_depth_edges():
+    u = np.tile(F4(0.03) * np.arange(41, dtype=F4), (9, 1))
+    u[:, 20:] += F4(0.5)
+    out = np.empty((2, *u.shape), F4)
+    average_alike(u, u, np.full(u.shape, F4(0.01)), 3, 3, F4(0.15), *out)
+    np.testing.assert_allclose(out[0], u, atol=1e-6)
 
 
 @pytest.mark.parametrize('step_x, step_y, left', [(2, 2, PAD), (4, 2, 0)])

@@ -167,7 +167,7 @@ class SearchTuning(Constants):
         unexplained('Depth moves matches along the rows; a rough answer is enough.'))
     dark: float = constant(
         24.0, 'DN', 'Added to the sum of the channels: dark noise has no color.',
-        unexplained('As `views.print_offset`.'))
+        unexplained('A dim channel, of a signal of 255.'))
     features: int = constant(
         1500, '1', 'Largest number of features per image and chromaticity.',
         derived('Bounds the time of matching.'))

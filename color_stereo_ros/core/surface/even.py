@@ -86,8 +86,7 @@ class Evening:
         the noise.
 
         """
-        slope = median_slope(views, self.tuning.slope_step)
-        return slope is not None and slope < self.tuning.steep_slope
+        return 0 < median_slope(views, self.tuning.slope_step) < self.tuning.steep_slope
 
     def explains(self, views, planes):
         """Return whether the matches explain enough of the colors to learn from them."""
@@ -217,7 +216,7 @@ class Evening:
 
 def median_slope(views, step):
     """
-    Return how much the colors of the left view change along the rows, per node; None: no light.
+    Return how much the colors of the left view change along the rows, per node; 0: no light.
 
     step: distance of the rows that tell it, nodes.
 
@@ -227,7 +226,7 @@ def median_slope(views, step):
     u, v, variance = (plane[rows, PAD:PAD + columns] for plane in (
         left.u, left.v, left.variance))
     lit = np.maximum(variance[:, 1:], variance[:, :-1]) < SILENT_VARIANCE
-    return float(np.median(np.hypot(np.diff(u), np.diff(v))[lit])) if lit.any() else None
+    return float(np.median(np.hypot(np.diff(u), np.diff(v))[lit])) if lit.any() else 0.0
 
 
 def moments(view, tuning, columns):

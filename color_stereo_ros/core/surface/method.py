@@ -70,7 +70,7 @@ from .texture import (
 from .third.following import allow_third_view, Follower
 from .third.view import ThirdView
 from .trust import Trust
-from .tuning import careful_tuning, detailed_tuning, steady_tuning, tuning_for
+from .tuning import careful_tuning, detailed_tuning, slow_tuning, tuning_for
 from .views import Views
 from ..compiled import Arena
 from ..patterns.expectation import Expectation
@@ -119,7 +119,8 @@ class SurfaceMethod:
         self.brightness = BrightnessCarrier(self.views, tuning, arena)
         self.in_force = tuning
         self.found = None
-        self.detailed, self.steady = detailed_tuning(tuning), steady_tuning(tuning)
+        self.detailed = detailed_tuning(tuning)
+        self.slow = slow_tuning(tuning, self.geometry.width)
         self.planes = PlaneField(grid, tuning.coarse.seed_variance,
                                  settings.matching.refinements > 0, arena)
         self.least_squares = LeastSquares(grid, limits, settings.matching, tuning.planes,
@@ -138,7 +139,7 @@ class SurfaceMethod:
         self.evening = Evening(settings.matching, tuning)
         self.detailed_evening = Evening(settings.matching, self.detailed)
         self.careful_evening = Evening(settings.matching, careful_tuning(self.detailed))
-        self.steady_evening = Evening(settings.matching, self.steady)
+        self.slow_evening = Evening(settings.matching, self.slow)
         self.third = self.follower = None
         if settings.matching.refinements:
             self.warm_refinements()
@@ -243,8 +244,8 @@ class SurfaceMethod:
     @property
     def evening_in_force(self):
         """Return the Evening for what the pair in force shows."""
-        if self.in_force is self.steady:
-            return self.steady_evening
+        if self.in_force is self.slow:
+            return self.slow_evening
         return self.detailed_evening if self.in_force is self.detailed else self.evening
 
     @property
@@ -458,7 +459,7 @@ class SurfaceMethod:
         colors are fitted to that already.
 
         """
-        averaged = self.tuning.views.averaging_radius > 0 and not self.brightness.seeded
+        averaged = self.in_force is self.slow
         if self.expectation.aperiodic or self.gray or averaged:
             return None
         rough = 0.0
@@ -659,29 +660,29 @@ class SurfaceMethod:
         """
         Return the seeds of the search for texture, or of the coarse search where there is none.
 
-        Without detail at most nodes brightness does not count. Slow colors are then averaged, and
-        otherwise fitted like others. The slowest ones are compared as they are: a gain of colors
-        that varies over the image cannot be told from a surface that does. Where there may be
-        detail the search for texture is asked, too: it decides by what it finds.
+        Without detail at most nodes brightness does not count. Slow colors are then averaged,
+        whether the pattern is known or not: noise hides how they change from node to node. Where
+        there may be detail the search for texture is asked, too: it decides by what it finds.
 
         """
-        slow = self.tuning.views.averaging_radius > 0
+        slope = median_slope(views, self.tuning.unlike.slope_step)
+        slow = self.slow is self.tuning or slope < self.tuning.unlike.slowest_slope
         detailed, possible = self.detail_shown(views, slow)
         found = self.texture.search(views, False) if detailed or possible else None
         averaged = slow and not detailed
         if averaged:
             kept = views.copied()
-            views.average()
-        coarse = self.coarse.seeds if self.expectation.aperiodic else self.coarse.search(views)
+            views.average(self.slow.views.averaging_radius, slope)
+        searched = self.expectation.aperiodic and not averaged
+        coarse = self.coarse.seeds if searched else self.coarse.search(views)
         if found is not None and not detailed:
             detailed = self.texture.finds_more(found, self.planes.seed(coarse))
             if detailed and averaged:
                 views.restore(kept)
         if not detailed:
             self.brightness.rest()
-            slope = median_slope(views, self.tuning.unlike.slope_step)
-            if slope is not None and slope < self.tuning.unlike.slowest_slope:
-                self.suit(self.steady)
+            if slow:
+                self.suit(self.slow)
             return coarse
         self.suit(self.detailed)
         self.brightness.rely_on(found, views.grid)

@@ -179,9 +179,6 @@ class ViewTuning(Constants):
     pixel_variance: float = constant(
         0.75, 'px^2', 'Variance of the point spread of a sum of two pixels behind a mosaic.',
         derived('Linear demosaicing, (1 2 1) / 4, adds 1/2 px^2, a sum of two pixels 1/4 px^2.'))
-    foreshortening: bool = constant(
-        True, '1', 'Blur the left view of a plane as the right one (`matching.foreshortening`).',
-        derived('The blur of steep colors shows.'))
     least_gain: float = constant(
         0.02, '1', 'Smallest gain of second differences that is worth the time.',
         chosen('Below it, unequal blur is left as it is (66e73be).'))
@@ -269,29 +266,20 @@ class ViewTuning(Constants):
         0, 'nodes', 'Radius over which colors are averaged; 0: they are not.',
         derived('Steep colors need no average.'))
     averaging_period: int = constant(
-        160, 'px', 'Length of a color cycle per node of averaging radius.',
-        unexplained('A color that changes slowly shows its slope only over many pixels '
-                    '(e4ddeb0).'))
+        200, 'px', 'Length of a color cycle per node of averaging radius.',
+        chosen('One sweep or sine, 640 px wide, right within 1 px, clean and noisier scenes: '
+               'radius 2 .866 and .846, 3 .849 and .881, 4 .826 and .892.'))
     largest_averaging_radius: int = constant(
         4, 'nodes', 'Largest radius over which slow colors are averaged.',
-        chosen('18 px. The value of the first version for slow patterns (e4ddeb0).'))
+        derived('18 px: wider than that, surfaces are no planes.'))
+    alike_slope: float = constant(
+        1.5, '1', 'Largest change per node of colors that are averaged, in median slopes.',
+        chosen('1.25: .855 and .874, clean and noisier scenes; 1.5: .849 and .881; 1.75: .842 and '
+               '.883. Averages of all colors around: .630 to .794 and .722 to .965.'))
     averaged_noise: float = constant(
         2.0, '1', 'Factor of the variance of averaged colors for the correlation of neighbors.',
         chosen('The noise of neighbors is correlated: averaging helps half as much as counting '
                'says (e4ddeb0).'))
-    print_gain: float = constant(
-        0.0, '1', 'Gain of log brightness of print in the first chromaticity; 0: none.',
-        derived('Steep colors need no help of print.'))
-    print_offset: float = constant(
-        24.0, 'DN', 'Added to the brightness before the logarithm that shows print.',
-        unexplained('Noise of dark places is no print (97656ea).'))
-    print_radius: int = constant(
-        4, 'nodes', 'Radius of the surroundings that print is compared with.',
-        unexplained('Edges of print are steep, shading is not (97656ea).'))
-    least_print: float = constant(
-        0.2, '1', 'Contrast (log brightness) below which nothing counts as print.',
-        chosen('Noise does not exceed it where there is light; bare surfaces stay within .01 '
-               '(97656ea).'))
     least_inside_share: float = constant(
         1e-3, '1', 'Smallest share of nodes inside the image that a mean is divided by.',
         derived('Less than one node of the surroundings; prevents division by 0.'))
@@ -442,12 +430,11 @@ class UnlikeTuning(Constants):
         'differences of the cameras are looked for, too.',
         chosen('The default pattern has .38 to .59 on nine scenes, 13 cycles of a sine have .2.'))
     slowest_slope: float = constant(
-        0.06, '1 per node', 'The same below which colors without detail are not evened out: a '
-        'gain that varies over the image is then a surface that does.',
-        chosen('One sweep has .034, one sine .021, three sweeps .08 to .10, 13 cycles .2. Right, '
-               'and wrong above confidence .9, of a bare casting named unknown: one sine .696 -> '
-               '.770, 1.23 -> .07 %; one sweep .795 -> .836, 2.43 -> .06 %. Noisier wood (bench): '
-               '.793 -> .806, 1.9 -> 3.7 %.'), off=0.0)
+        0.06, '1 per node', 'The same below which colors without detail are averaged, and not '
+        'evened out: a gain that varies over the image is then a surface that does.',
+        chosen('One sweep has .034, one sine .021, three sweeps .08 to .10, 13 cycles .2. Four '
+               'noisy scenes under one sweep named unknown: right .43 -> .88; clean casting and '
+               'airplane .85 -> .85.'), off=0.0)
     slope_step: int = constant(
         8, 'nodes', 'Distance of the rows that tell the slope.',
         derived('Some 10 000 pairs of nodes.'))
@@ -1467,24 +1454,19 @@ def slow(radius):
     """Return the changes under colors that change slowly and are averaged over a radius, nodes."""
     return {
         'views.averaging_radius': Change(radius, derived(
-            'One node per `averaging_period` of a color cycle, at most 4.')),
-        'views.print_gain': Change(0.6, chosen(
-            'Printed scenes under one sine: .60 -> .68 of the visible pixels within 1 px '
-            '(97656ea).')),
+            'One node per `averaging_period` of a color cycle.')),
         'coarse.smoothness': Change(1.0, chosen('Slow patterns have few cycles (e4ddeb0).')),
         'planes.gates': Change((3.0, 1.5, 0.75), chosen(
             'Seeds are rougher. One sine, five scenes: .682 within 1 px, as before the narrower '
             'gates (c1b4124).')),
-        'planes.smooth_steps': Change((16.0, 12.0, 6.0), chosen(
-            'Creases do not show in such colors. One sine: bench .75 -> .80 within 1 px, print '
-            '.70 -> .78 (1a505a2).')),
+        'planes.smooth_steps': Change((6.4, 4.8, 2.4), chosen(
+            'Noise makes planes rough. Factors of 2.5, 1.25, .8 and .47: right .771, .778, .777 '
+            'and .767, wrong of the casting 7.3, 4.1, 3.6 and 3.4 % (one sweep).')),
         'pair.color_matching': Change(False, unexplained(
             'A shift of slow colors looks like a color difference of the cameras.')),
         'unlike.blur': Change(False, derived('Averaged colors do not show blur.')),
         'unlike.color': Change(False, unexplained(
             'A shift of slow colors looks like a color difference of the cameras.')),
-        'views.foreshortening': Change(False, derived(
-            'Averaged colors change too slowly for their blur to show.')),
         'rows.least_information': Change(math.inf, chosen(
             'Slow colors show no rows: what remains are depth edges, where the views differ.')),
         'planes.noise_correlation': Change(noise_correlation(radius), derived(
@@ -1499,9 +1481,11 @@ def slow(radius):
         'trust.odds_offset': Change(SLOW['odds_offset'], SLOW.provenance('odds_offset')),
         'trust.vague_std': Change(1.0, unexplained(
             'Slow colors tell the place less precisely (61b5d22).')),
-        'trust.discord_odds': Change(0.0, unexplained(
-            'Planes of slow colors are noisier: true neighbors contradict, too.')),
     }
+
+
+FITTED = 'planes', 'neighbors', 'trust', 'rows', 'bends', 'quality', 'pair', 'unlike'
+"""Groups of constants that fit and judge."""
 
 
 def detailed_tuning(tuning):
@@ -1513,14 +1497,16 @@ def detailed_tuning(tuning):
     """
     if tuning.views.averaging_radius:
         usual = changed(TUNING, PERIODIC)
-        tuning = replace(tuning, **{name: getattr(usual, name) for name in (
-            'planes', 'neighbors', 'trust', 'rows', 'bends', 'quality', 'pair', 'unlike')})
+        tuning = replace(tuning, **{name: getattr(usual, name) for name in FITTED})
     return replace(tuning, neighbors=replace(tuning.neighbors, inertia=tuning.brightness.inertia))
 
 
-def steady_tuning(tuning):
-    """Return a tuning that does not even out the views."""
-    return replace(tuning, unlike=replace(tuning.unlike, blur=False, color=False))
+def slow_tuning(tuning, width):
+    """Return how slow colors are fitted and judged of which nothing was known."""
+    if tuning.views.averaging_radius:
+        return tuning
+    found = changed(TUNING, PERIODIC | slow(averaging_radius(1, width)))
+    return replace(tuning, **{name: getattr(found, name) for name in (*FITTED, 'views')})
 
 
 def careful_tuning(detailed):
@@ -1544,13 +1530,17 @@ def noise_correlation(radius):
     return (squares / (box * window)) ** 2
 
 
+def averaging_radius(cycles, width):
+    """Return the radius, nodes, over which colors of some cycles per image are averaged."""
+    views = TUNING.views
+    return min(views.largest_averaging_radius, round(width / cycles / views.averaging_period))
+
+
 def changes_for(expectation, width):
     """Return what differs from TUNING under a pattern; see `tuning_for`."""
     if expectation.aperiodic:
         return {}
-    views = TUNING.views
-    radius = min(views.largest_averaging_radius,
-                 round(width / expectation.cycles / views.averaging_period))
+    radius = averaging_radius(expectation.cycles, width)
     changes = dict(PERIODIC)
     if radius:
         changes |= slow(radius)

@@ -32,7 +32,7 @@ from .grid import framed_area
 from .grid_kernels import F4, PAD, SILENT_VARIANCE
 from .moving import MovedRows
 from .raw_faults import Looker, LUMA, quantization, without_hot_pixels
-from .view_kernels import box_sums, channel_levels, sample_colors
+from .view_kernels import average_alike, box_sums, channel_levels, sample_colors
 from ..cameras.rectification import inside_image, raw_coordinates
 from ..compiled import BANDS
 
@@ -97,7 +97,7 @@ class Views:
         variance = np.median(known) if known.size else 0.0
         for view in both:
             view.even_out(variance, arena)
-        foreshortened = settings.matching.foreshortening and tuning.foreshortening
+        foreshortened = settings.matching.foreshortening
         self.psf = F4(variance if foreshortened else 0.0)
         self.noise_weight = F4(1)
         self.compressed = False
@@ -208,14 +208,17 @@ class Views:
         return [plane for view in (self.left, self.right)
                 for plane in (view.u, view.v, view.s, view.variance)]
 
-    def average(self):
-        """Average slow colors, and let print show in them; where nothing finer is to be seen."""
+    def average(self, radius, slope):
+        """
+        Average slow colors; where nothing finer is to be seen.
+
+        radius: nodes. slope: change of the colors per node, which tells steps from slopes.
+
+        """
+        tolerance = F4(self.tuning.alike_slope * radius * slope)
         for view in (self.left, self.right):
-            if self.tuning.averaging_radius:
-                view.average()
-            if self.tuning.print_gain:
-                view.add_print()
-        self.noise_weight = F4(self.noise_weight / (1 + 2 * self.tuning.averaging_radius) ** 2)
+            view.average(radius, tolerance)
+        self.noise_weight = F4(self.noise_weight / (1 + 2 * radius) ** 2)
 
     def blur_of_both(self, looks):
         """Return common_blur of raw images, of which a Look each is known."""
@@ -443,45 +446,20 @@ class View:
         self.variance[informed] = np.minimum(self.variance[informed] * factor ** 2,
                                              F4(0.5) * SILENT_VARIANCE)
 
-    def average(self):
-        """Average the chromaticities of slow colors over the nodes around each one."""
-        size = self.window(self.tuning.averaging_radius)
-        for plane in (self.u, self.v):
-            plane[:] = cv2.blur(plane, size)
+    def average(self, radius, tolerance):
+        """Average the chromaticities with those within tolerance; radius: nodes."""
+        u, v = self.u.copy(), self.v.copy()
+        average_alike(u, v, self.variance, radius, radius * self.columns_per_node, tolerance,
+                      self.u, self.v)
         # the noise of neighbors is correlated: averaging helps less than counting says
         informed = self.variance < SILENT_VARIANCE
-        self.variance[informed] *= F4(self.tuning.averaged_noise / size[1] ** 2)
-
-    def add_print(self):
-        """
-        Let print show in the first chromaticity, beside colors that change slowly.
-
-        Its edges are steep, and both cameras see them alike. Shading is not, and noise does not
-        exceed `least_print` where there is light.
-
-        """
-        level = np.log(self.s + F4(self.tuning.print_offset))
-        level[~self.inside] = 0  # the edge of the image is no print
-        mean = self.surroundings(level) / self.inside_share
-        np.subtract(level, mean, out=level, where=self.inside)
-        excess = np.maximum(np.abs(level) - F4(self.tuning.least_print), F4(0))
-        self.u += F4(self.tuning.print_gain) * np.copysign(excess, level)
+        self.variance[informed] *= F4(self.tuning.averaged_noise / (2 * radius + 1) ** 2)
 
     @cached_property
     def raw_rows(self):
         """Row of each node in the raw image, px, float32; outside: the first one."""
         stride = self.box.shape[1]
         return (np.maximum(self.index[0], 0) // stride).astype(F4) + self.index[2] + F4(0.5)
-
-    @cached_property
-    def inside_share(self):
-        """Share of the nodes around each one that lie inside the raw image, float32, above 0."""
-        return np.maximum(self.surroundings(self.inside.astype(F4)),
-                          F4(self.tuning.least_inside_share))
-
-    def surroundings(self, plane):
-        """Return the mean of a plane over the nodes around each one, of which print stands out."""
-        return cv2.blur(plane, self.window(self.tuning.print_radius))
 
     def window(self, radius):
         """Return columns and rows of the window of so many nodes around one."""
