@@ -27,7 +27,7 @@ from color_stereo_ros.core.surface import (
     bend_kernels, grid_kernels, quality_kernels, raw_kernels, step_kernels, texture_kernels,
     trust_kernels)
 from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, RIVAL_DISTANCE
-from color_stereo_ros.core.surface.contest_kernels import NEIGHBOR, OWN, SEED
+from color_stereo_ros.core.surface.contest_kernels import ALIKE, NEIGHBOR, OWN, SEED
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
 from color_stereo_ros.core.surface.pixel_kernels import bounded, OWN_SHARE
@@ -610,7 +610,9 @@ def contest(left, right, gain, wanted, seed, seed_variance, cap, margin, planes,
         there = [each[y + PAD + j, x + PAD + i] for each in planes]
         candidates.append((there[0] - there[1] * i - there[2] * j, *there[1:], NEIGHBOR))
     for candidate in candidates:
-        if np.isfinite(candidate[0]):
+        alike = candidate[-1] == NEIGHBOR and sum(
+            abs(each - other) for each, other in zip(candidate[:3], best)) < ALIKE
+        if np.isfinite(candidate[0]) and not alike:
             cost = window_difference(left, right, gain[y, x], y, x, candidate[:3], cap)
             if cost < least - 1e-3:  # the kernel adds in float32
                 best, least = candidate, cost

@@ -28,7 +28,7 @@ from color_stereo_ros.core.surface.gains import gains_of
 from color_stereo_ros.core.surface.grid import framed_area, HalfGrid, whole
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.method import SurfaceMethod
-from color_stereo_ros.core.surface.tuning import changed, slow, TUNING
+from color_stereo_ros.core.surface.tuning import TUNING
 import cv2
 import numba
 import numpy as np

@@ -20,7 +20,8 @@ from .grid_kernels import F4, FAST, PAD
 from .tuning import TUNING
 from ..compiled import band, banded, part
 
-REACH = TUNING.contest.reach  # compiled into the kernels
+# Compiled into the kernels.
+REACH, ALIKE = TUNING.contest.reach, F4(TUNING.contest.alike)
 OWN, SEED, NEIGHBOR = range(3)  # whose plane a node has
 
 
@@ -60,11 +61,11 @@ def contest(k, left, right, gain, wanted, seed, seed_variance, cap, margin, d, a
     Let nodes take the plane that fits a small window best, of those around and of a search.
 
     The candidates are their own plane, which is favored by margin (DN), that of their seed, and
-    those of the four neighbors. left and right, uint8 (rows, columns or more, C): images of one
-    row per node; gain, float32 (rows, columns), see `window_difference`; wanted, bool (rows,
-    columns), of the nodes that are asked. seed, px, framed, NaN = none: a plane without slope, of
-    seed_variance. winner, uint8 (rows, columns), takes OWN, SEED or NEIGHBOR. Reads d, a, b and
-    variance, framed, and writes new_* at all nodes.
+    those of the four neighbors, unless nearly the same. left and right, uint8 (rows, columns or
+    more, C): images of one row per node; gain, float32 (rows, columns), see `window_difference`;
+    wanted, bool (rows, columns), of the nodes that are asked. seed, px, framed, NaN = none: a
+    plane without slope, of seed_variance. winner, uint8 (rows, columns), takes OWN, SEED or
+    NEIGHBOR. Reads d, a, b and variance, framed, and writes new_* at all nodes.
 
     """
     rows, columns = wanted.shape
@@ -94,7 +95,8 @@ def contest(k, left, right, gain, wanted, seed, seed_variance, cap, margin, d, a
                     i = (side == 2) - (side == 3)
                     lean, tilt = a[y + j, x + i], b[y + j, x + i]
                     there = d[y + j, x + i] - lean * F4(i) - tilt * F4(j)
-                    if there == there:
+                    change = abs(there - best_d) + abs(lean - best_a) + abs(tilt - best_b)
+                    if (there == there) & (not change < ALIKE):
                         cost = window_difference(left, right, bright, row, column, there, lean,
                                                  tilt, cap)
                         if cost < least:
