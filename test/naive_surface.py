@@ -391,6 +391,19 @@ def add_seeds(seed, d, tiles, gate, seed_weight, reference, weight, moment):
     return weight, moment
 
 
+def rival_gaps(cost, total):
+    """Return by how much the own cost of the nearest rival of a match exceeds that of it."""
+    rows, depth, columns = total.shape
+    gaps = np.zeros((rows, columns))
+    for y, x in np.ndindex(rows, columns):
+        best = int(np.argmin(total[y, :, x]))
+        others = [d for d in range(depth) if abs(d - best) > RIVAL_DISTANCE]
+        if others:
+            rival = min(others, key=lambda d: total[y, d, x])
+            gaps[y, x] = int(cost[y, rival, x]) - int(cost[y, best, x])
+    return gaps
+
+
 def count_rivals(total, trust, full_trust, worst, gap, step):
     """Return how many of every step-th nodes are fully trusted, and how many have a rival."""
     counts = [0, 0]

@@ -499,6 +499,16 @@ def coarse_disparity(smoothness, left, right):
                   matching__occlusion_test=False).process(left, right).disparity
 
 
+@pytest.mark.parametrize('gap, odds', [(-1.0, 2.0), (0.05, 2.0), (0.12, 8.0), (0.5, 14.0)])
+def test_a_period_is_no_surer_than_the_colors_of_the_nodes_tell(gap, odds):
+    search = CoarseSearch((48, 64), 128, (2, 40), Settings().matching, TUNING, Arena())
+    cost, total = search.upright.cost, search.upright.total
+    cost[:], total[:] = 400, 3000
+    total[:, 2], total[:, 6] = 0, 2000  # clear along the paths
+    cost[:, 6] = cost[:, 2] + round(gap * TUNING.coarse.large_step)
+    np.testing.assert_allclose(search.odds_of_colors(), odds, atol=0.6)
+
+
 def test_smoothness_removes_steps_from_the_coarse_search():
     left, right = plane_pair(WIDTH, HEIGHT, 20, brightness=12)
     steps = [np.mean(np.abs(coarse_disparity(smoothness, left, right) - 20) < 1)

@@ -34,7 +34,7 @@ from color_stereo_ros.core.surface.bend_kernels import (
     find_bent_tiles, unbend, write_pulls)
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
 from color_stereo_ros.core.surface.coarse_kernels import (
-    add_turned, count_rivals, GUARD_COST, reduce_colors, seed_planes, winners)
+    add_turned, count_rivals, GUARD_COST, reduce_colors, rival_gaps, seed_planes, winners)
 from color_stereo_ros.core.surface.grid import tiles_of
 from color_stereo_ros.core.surface.grid_kernels import (
     PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
@@ -385,6 +385,16 @@ def test_nodes_with_a_rival_are_counted(step):
     expected = naive.count_rivals(total, trust, 16, 300, 120, step)
     assert counts.sum(axis=0).tolist() == expected
     assert 0 < expected[1] < expected[0]
+
+
+@pytest.mark.parametrize('depth', [2, 9])  # without a rival, and with several
+def test_own_colors_tell_a_match_from_its_rival(depth):
+    rng = np.random.default_rng(12)
+    cost, total = rng.integers(0, 3000, (2, 5, depth, 150)).astype(I2)
+    gaps = np.full((5, 150), 9, F4)
+    rival_gaps(cost, total, gaps)
+    np.testing.assert_array_equal(gaps, naive.rival_gaps(cost, total))
+    assert (gaps != 0).any() == (depth > 2)
 
 
 @pytest.mark.parametrize('channels', [1, 3])

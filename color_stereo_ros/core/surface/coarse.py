@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 
 from .coarse_kernels import (
-    add_turned, cost_volume, count_rivals, reduce_colors, sgm_paths, winners)
+    add_turned, cost_volume, count_rivals, reduce_colors, rival_gaps, sgm_paths, winners)
 from .grid_kernels import F4, PAD
 from ..compiled import BANDS
 from ..curves import CostCurve
@@ -192,7 +192,23 @@ class CoarseSearch:
         certain *= np.interp(clear, tuning.partly_clear, (0, 1))
         both += certain * (tuning.agreed_odds[-1] - both)
         known = apart + agree * (both - apart)
-        return clear, (alone + self.anchored(theirs) * (known - alone)).astype(F4)
+        found = alone + self.anchored(theirs) * (known - alone)
+        np.minimum(found, self.odds_of_colors(), out=found, where=certain < 1)
+        return clear, found.astype(F4)
+
+    def odds_of_colors(self):
+        """
+        Return the log-odds that colors around allow for the period, float32 (h, w).
+
+        Along the paths of the search a period wins, too, since its surface lies near its
+        neighbors. Colors that are alike at both places say nothing of it.
+
+        """
+        tuning = self.repetition
+        rival_gaps(self.upright.cost, self.upright.total, self.clear)
+        gap = cv2.blur(self.clear, 2 * (tuning.color_surroundings,))
+        return np.interp(gap / F4(self.tuning.large_step), tuning.color_gaps,
+                         tuning.color_odds).astype(F4)
 
     def anchored(self, disparity):
         """

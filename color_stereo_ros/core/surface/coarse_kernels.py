@@ -302,6 +302,37 @@ def count_rivals(k, total, trust, full_trust, worst, gap, step, counts):
                         counts[k, 1] += 1
 
 
+@banded()
+def rival_gaps(k, cost, total, gaps):
+    """
+    Write by how much the own colors of nodes favor their match over its nearest rival.
+
+    cost and total, int16 (rows, D, columns): of the nodes alone, and along the paths, which choose
+    the match and its rival, the cheapest one more than RIVAL_DISTANCE nodes away. gaps, float32
+    (rows, columns): cost of the rival less that of the match; 0 where there is no rival.
+
+    """
+    rows, depth, columns = total.shape
+    first, last = band(k, rows)
+    least, best = stack_integers(), stack_integers()
+    second, rival = stack_integers(), stack_integers()
+    for y in range(first, last):
+        for left in range(0, columns, LENGTH):
+            lanes = min(LENGTH, columns - left)
+            cheapest(total[y], left, least, best)
+            for i in range(lanes):
+                second[i], rival[i] = LARGEST, best[i]
+            for d in range(depth):
+                row = total[y, d, left:left + lanes]
+                for i in range(lanes):
+                    cheaper = (abs(d - best[i]) > RIVAL_DISTANCE) & (row[i] < second[i])
+                    rival[i] = I2(d) if cheaper else rival[i]
+                    second[i] = row[i] if cheaper else second[i]
+            for i in range(lanes):
+                gaps[y, left + i] = F4(cost[y, rival[i], left + i]) - F4(
+                    cost[y, best[i], left + i])
+
+
 @part()
 def tip_offset(before, here, after):
     """Return the offset of the tip of a V with equal slopes through three costs, float32."""

@@ -214,19 +214,21 @@ class Evening:
         return fit.bands(raw, tuning.band_rows, bins)
 
 
-def median_slope(views, step):
+def median_slope(views, step, distance=1):
     """
     Return how much the colors of the left view change along the rows, per node; 0: no light.
 
-    step: distance of the rows that tell it, nodes.
+    step: distance of the rows that tell it, nodes. distance: of the nodes that are compared; noise
+    counts less over a longer one.
 
     """
     rows = slice(PAD, PAD + views.grid.nodes[0], step)
     left, columns = views.left, views.grid.nodes[1]
     u, v, variance = (plane[rows, PAD:PAD + columns] for plane in (
         left.u, left.v, left.variance))
-    lit = np.maximum(variance[:, 1:], variance[:, :-1]) < SILENT_VARIANCE
-    return float(np.median(np.hypot(np.diff(u), np.diff(v))[lit])) if lit.any() else 0.0
+    lit = np.maximum(variance[:, distance:], variance[:, :-distance]) < SILENT_VARIANCE
+    change = np.hypot(*(each[:, distance:] - each[:, :-distance] for each in (u, v)))
+    return float(np.median(change[lit])) / distance if lit.any() else 0.0
 
 
 def moments(view, tuning, columns):

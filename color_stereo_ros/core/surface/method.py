@@ -665,8 +665,9 @@ class SurfaceMethod:
         there may be detail the search for texture is asked, too: it decides by what it finds.
 
         """
-        slope = median_slope(views, self.tuning.unlike.slope_step)
-        slow = self.slow is self.tuning or slope < self.tuning.unlike.slowest_slope
+        unlike = self.tuning.unlike
+        slope = median_slope(views, unlike.slope_step, unlike.slope_distance)
+        slow = self.slow is self.tuning or slope < unlike.slowest_slope
         detailed, possible = self.detail_shown(views, slow)
         found = self.texture.search(views, False) if detailed or possible else None
         averaged = slow and not detailed

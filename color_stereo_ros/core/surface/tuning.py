@@ -430,11 +430,14 @@ class UnlikeTuning(Constants):
         'differences of the cameras are looked for, too.',
         chosen('The default pattern has .38 to .59 on nine scenes, 13 cycles of a sine have .2.'))
     slowest_slope: float = constant(
-        0.06, '1 per node', 'The same below which colors without detail are averaged, and not '
-        'evened out: a gain that varies over the image is then a surface that does.',
-        chosen('One sweep has .034, one sine .021, three sweeps .08 to .10, 13 cycles .2. Four '
-               'noisy scenes under one sweep named unknown: right .43 -> .88; clean casting and '
-               'airplane .85 -> .85.'), off=0.0)
+        0.045, '1 per node', 'The same, over `slope_distance`, below which colors without detail '
+        'are averaged, and not evened out: a gain that varies over the image is then a surface.',
+        chosen('One sweep .029 to .036, one sine .021, three sweeps .078 to .103; 16 pale sines '
+               'over 1200 px .053. Four noisy scenes under one sweep named unknown: right .43 -> '
+               '.88; clean casting and airplane .85 -> .85.'), off=0.0)
+    slope_distance: int = constant(
+        3, 'nodes', 'Distance of the nodes that tell whether colors change slowly.',
+        chosen('Noise makes .034 .037 to .041 over one node, .036 over three.'))
     slope_step: int = constant(
         8, 'nodes', 'Distance of the rows that tell the slope.',
         derived('Some 10 000 pairs of nodes.'))
@@ -1371,6 +1374,20 @@ class RepetitionTuning(Constants):
         (0.9, 0.9, 1.1, 1.3, 2.0, 3.0, 5.0, 14.0), '1', 'As `odds`, where two searches agree.',
         chosen('Right at these shares on seventeen pairs: .93 .85 .87 .94 .95 .98 1; lower, since '
                'bare walls under 32 periods are right at half of the places.'))
+    color_surroundings: int = constant(
+        9, 'coarse nodes', 'Width of the surroundings whose colors are asked for the period.',
+        chosen('5: a single node decides in part; 21: .06 to .1 where 9 has .03 to .09 at wrong '
+               'periods.'))
+    color_gaps: tuple = constant(
+        (0.1, 0.14), 'large steps', 'By how much more a repetition costs the colors around, '
+        'where log-odds are `color_odds`.',
+        chosen('Wrong periods above confidence .9 have .03 to .1, right ones .2 to .3 on bare '
+               'surfaces. Wrong above .9, bare patches on airplane and casting: 17.6 -> 0 %, 4.5 '
+               '-> 1.0 %; 23 photographs of periodic patterns .88 -> .65 %, right ones above .9 '
+               '.57 -> .53.'))
+    color_odds: tuple = constant(
+        (2.0, 14.0), '1', 'Largest log-odds of the period there, unless two searches agree widely.',
+        derived('A confidence of .88, and no limit.'))
     wide_agreement: tuple = constant(
         (0.55, 0.75), '1', 'Shares of agreement among `surroundings` from which the period begins '
         'to be certain, and from which it is.',
