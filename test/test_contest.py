@@ -163,7 +163,7 @@ def test_weak_pairs_hold_the_contest_and_winners_are_not_sure(monkeypatch, weak)
     method = stereo._method
     stereo.process(*images)
     method.contest.winner[:] = SEED  # of no pair
-    monkeypatch.setattr(type(method.steps), 'weak', lambda *rest: weak)
+    monkeypatch.setattr(type(method.steps), 'weakness', lambda *rest: float(weak))
     bounded = []
     monkeypatch.setattr(type(method.steps), 'bound', lambda steps, verdict, nodes, bound=type(
         method.steps).bound: (bound(steps, verdict, nodes), bounded.append((

@@ -394,12 +394,15 @@ class SurfaceMethod:
         tell no more. Writes d, a, b and variance of planes; returns the Verdict.
 
         """
-        if self.steps.weak(verdict, self.quality) and not self.brightness.seeded:
+        steps, rough = self.steps, self.steps.roughness(self.quality)
+        weak = steps.weakness(verdict, self.quality, rough)
+        if weak > 0 and not self.brightness.seeded:
             self.contest.hold(planes, self.texture.plain(views),
                               self.trust.usual_balance(views, planes))
             verdict = self.judge(views, planes, seeds, uneven)
-            self.steps.bound(verdict, self.contest.winner != OWN)
-        self.steps.doubt(planes, verdict, self.quality)
+            steps.bound(verdict, self.contest.winner != OWN)
+            weak = steps.weakness(verdict, self.quality, rough)  # of what the contest has left
+        steps.doubt(planes, verdict, rough, weak)
         return verdict
 
     def uneven(self, planes):
