@@ -212,11 +212,12 @@ class SurfaceMethod:
         uneven = self.uneven(planes)  # of the fit: seeds are rougher
         if self.brightness.seeded:
             self.settle_disputes(views, planes, seeds)
-        verdict = self.judge(views, planes, seeds, uneven)
+        balance = self.trust.usual_balance(views, planes)
+        verdict = self.judge(views, planes, seeds, balance, uneven)
         if self.brightness.seeded:
             self.steps.bound(verdict, self.contest.winner != OWN)
         if self.settings.matching.refinements:
-            verdict = self.doubt_steps(views, planes, seeds, uneven, verdict)
+            verdict = self.doubt_steps(views, planes, seeds, balance, uneven, verdict)
         if self.aligner is not None and not (
                 seeds.alike_share > self.tuning.brightness.agreeing_share):
             verdict.log_odds[:] -= F4(doubt(alignment))
@@ -367,10 +368,10 @@ class SurfaceMethod:
             clock.lap('bend', planes)
         solver.correct_variance(planes)
 
-    def judge(self, views, planes, seeds, uneven):
+    def judge(self, views, planes, seeds, balance, uneven):
         """Return the Verdict on the planes, see `Trust.judge`."""
         brightness = self.brightness
-        return self.trust.judge(views, planes, seeds, brightness.confirmed(planes),
+        return self.trust.judge(views, planes, seeds, balance, brightness.confirmed(planes),
                                 brightness.light(views.left), uneven)
 
     def settle_disputes(self, views, planes, seeds):
@@ -385,7 +386,7 @@ class SurfaceMethod:
                           self.brightness.claims(views.grid))
         self.brightness.settle(planes, seeds)
 
-    def doubt_steps(self, views, planes, seeds, uneven, verdict):
+    def doubt_steps(self, views, planes, seeds, balance, uneven, verdict):
         """
         Doubt ranges beside steps where the pair says little there; see `measure`.
 
@@ -397,9 +398,9 @@ class SurfaceMethod:
         steps, rough = self.steps, self.steps.roughness(self.quality)
         weak = steps.weakness(verdict, self.quality, rough)
         if weak > 0 and not self.brightness.seeded:
-            self.contest.hold(planes, self.texture.plain(views),
-                              self.trust.usual_balance(views, planes))
-            verdict = self.judge(views, planes, seeds, uneven)
+            self.contest.hold(planes, self.texture.plain(views), balance)
+            balance = self.trust.usual_balance(views, planes)  # winners look elsewhere
+            verdict = self.judge(views, planes, seeds, balance, uneven)
             steps.bound(verdict, self.contest.winner != OWN)
             weak = steps.weakness(verdict, self.quality, rough)  # of what the contest has left
         steps.doubt(planes, verdict, rough, weak)
