@@ -270,7 +270,8 @@ def _result(problem, state, views, dropped):
     scale = np.sqrt(equations.cost / (number - unknown))
     told = inverse_information(equations.information())
     # Errors that corners share do not scatter: small residuals are no reason to claim more.
-    matrix = told * max(scale, 1.0)**2 + shared_covariance(problem, state, told)
+    matrix = told * max(scale, 1.0)**2 + shared_covariance(
+        problem, equations, state.parameters.size, told)
     information = inverse_information(matrix)
     _check_focal_lengths(state.parameters, matrix)
     return Adjustment(
