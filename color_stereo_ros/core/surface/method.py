@@ -53,7 +53,6 @@ from .bends import Bends
 from .brightness import BrightnessCarrier, without_color
 from .coarse import CoarseSearch
 from .contest import Contest
-from .contest_kernels import OWN
 from .even import Evening, median_slope
 from .grid import HalfGrid
 from .grid_kernels import F4, SILENT_VARIANCE
@@ -215,7 +214,7 @@ class SurfaceMethod:
         balance = self.trust.usual_balance(views, planes)
         verdict = self.judge(views, planes, seeds, balance, uneven)
         if self.brightness.seeded:
-            self.steps.bound(verdict, self.contest.winner != OWN)
+            self.steps.bound(verdict, self.contest.changed)
         if self.settings.matching.refinements:
             verdict = self.doubt_steps(views, planes, seeds, balance, uneven, verdict)
         if self.aligner is not None and not (
@@ -401,7 +400,7 @@ class SurfaceMethod:
             self.contest.hold(planes, self.texture.plain(views), balance)
             balance = self.trust.usual_balance(views, planes)  # winners look elsewhere
             verdict = self.judge(views, planes, seeds, balance, uneven)
-            steps.bound(verdict, self.contest.winner != OWN)
+            steps.bound(verdict, self.contest.changed)
             weak = steps.weakness(verdict, self.quality, rough)  # of what the contest has left
         steps.doubt(planes, verdict, rough, weak)
         return verdict
