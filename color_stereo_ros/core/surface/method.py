@@ -784,16 +784,21 @@ class SurfaceMethod:
         search: see `search_again`.
 
         """
-        evening = self.evening_in_force
+        evening, fit = self.evening_in_force, None
         if self.brightness.active:
             if max(pair.scale, self.brightness.scale) < self.tuning.brightness.unlike_scale:
                 evening = self.careful_evening
             if self.aligner is not None:  # blur hides structure
                 self.rows.look(views, planes, pair, self.brightness)
-        elif not evening.explains(views, planes) and evening.even_spread(views):
-            pair = self.search_again(views, planes, search)
+        else:
+            fit = evening.look(views, planes)
+            if fit is None:
+                if not evening.even_spread(views):
+                    return pair
+                pair = self.search_again(views, planes, search)
         for _ in range(self.tuning.unlike.searches + 1):
-            changed, size = evening.improve(views, planes)
+            changed, size = evening.improve(views, planes, fit)
+            fit = None  # of views that have changed
             if not changed:
                 break
             if size >= 1:
