@@ -212,9 +212,7 @@ class SurfaceMethod:
         if self.brightness.seeded:
             self.settle_disputes(views, planes, seeds)
         balance = self.trust.usual_balance(views, planes)
-        verdict = self.judge(views, planes, seeds, balance, uneven)
-        if self.brightness.seeded:
-            self.steps.bound(verdict, self.contest.changed)
+        verdict = self.judge(views, planes, seeds, balance, uneven, self.brightness.seeded)
         if self.settings.matching.refinements:
             verdict = self.doubt_steps(views, planes, seeds, balance, uneven, verdict)
         if self.aligner is not None and not (
@@ -367,11 +365,14 @@ class SurfaceMethod:
             clock.lap('bend', planes)
         solver.correct_variance(planes)
 
-    def judge(self, views, planes, seeds, balance, uneven):
-        """Return the Verdict on the planes, see `Trust.judge`."""
+    def judge(self, views, planes, seeds, balance, uneven, contested):
+        """Return the Verdict on the planes, see `Trust.judge`; contested: after a contest."""
         brightness = self.brightness
-        return self.trust.judge(views, planes, seeds, balance, brightness.confirmed(planes),
-                                brightness.light(views.left), uneven)
+        verdict = self.trust.judge(views, planes, seeds, balance, brightness.confirmed(planes),
+                                   brightness.light(views.left), uneven)
+        if contested:
+            self.steps.bound(verdict, self.contest.changed)
+        return verdict
 
     def settle_disputes(self, views, planes, seeds):
         """
@@ -399,8 +400,7 @@ class SurfaceMethod:
         if weak > 0 and not self.brightness.seeded:
             self.contest.hold(planes, self.texture.plain(views), balance)
             balance = self.trust.usual_balance(views, planes)  # winners look elsewhere
-            verdict = self.judge(views, planes, seeds, balance, uneven)
-            steps.bound(verdict, self.contest.changed)
+            verdict = self.judge(views, planes, seeds, balance, uneven, contested=True)
             weak = steps.weakness(verdict, self.quality, rough)  # of what the contest has left
         steps.doubt(planes, verdict, rough, weak)
         return verdict
