@@ -775,7 +775,7 @@ class SurfaceMethod:
         """Return whether the views may differ by more than noise, see `even_out`."""
         tuning = self.tuning
         return bool(pair.scale > tuning.unlike.quiet_scale or self.evening.matters(views)
-                    or worst_part(planes, views.grid, tuning.pair) > tuning.unlike.quiet_part)
+                    or worst_part(views, planes, tuning) > tuning.unlike.quiet_part)
 
     def make_alike(self, views, planes, pair, search=None):
         """

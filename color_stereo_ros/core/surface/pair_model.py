@@ -71,7 +71,7 @@ class PairModel:
         return replace(self, scale=scale, matrix=matrix)
 
 
-def worst_part(planes, grid, tuning):
+def worst_part(views, planes, tuning):
     """
     Return the noise scale of the part of the image in which the views agree least, 0 or more.
 
@@ -80,16 +80,16 @@ def worst_part(planes, grid, tuning):
 
     Parameters
     ----------
+    views : Views
+        Both views as the method sees them.
     planes : PlaneField
         With the misfit of the first round.
-    grid : HalfGrid
-        Of the planes.
-    tuning : PairTuning
-        Constants of this stage.
+    tuning : Tuning
+        Constants of the method.
 
     """
-    misfit = planes.misfit[sampled_nodes(grid, tuning)]
-    worst = 0.0
+    misfit = counted_misfit(views, planes, tuning)[sampled_nodes(views.grid, tuning.pair)]
+    worst, tuning = 0.0, tuning.pair
     for band in np.array_split(misfit, tuning.parts[0]):
         for part in np.array_split(band, tuning.parts[1], axis=1):
             known = known_values(part)
