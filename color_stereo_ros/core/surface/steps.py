@@ -63,7 +63,10 @@ class Steps:
         """
         Let no node of some, bool (rows, columns), be surer than doubted ones may be.
 
-        Those that have changed hands are judged by the misfit of the plane they had.
+        Those that have changed hands are judged by the misfit of the plane they had. With misfit
+        and cost of the neighbor whose plane they took, and no bound, more of them are sure and
+        wrong: of the ranges above a confidence of .9 in 18 stressed pairs .10 % more, at most
+        .33 %; right ranges +.02 %.
 
         """
         odds = verdict.log_odds[self.grid.inner]
