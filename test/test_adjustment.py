@@ -130,7 +130,8 @@ def test_errors_that_all_views_share_move_the_result_as_foretold(fifteen):
     state = State(before.parameters, before.bend, before.rotations, before.translations)
     equations = problem.equations(state, np.ones(state.shared.size, bool))
     noise = inverse_information(equations.information())
-    change = noise @ problem.pulls(state, {side: field[side][:, :, None] for side in field})[:, 0]
+    change = noise @ problem.pulls(
+        equations, {side: field[side][:, :, None] for side in field})[:, 0]
     expected = change[:-2] / np.sqrt(np.diag(before.matrix))
     found = (after.parameters.vector - before.parameters.vector) / np.sqrt(
         np.diag(before.matrix))
@@ -152,7 +153,8 @@ def test_bold_sigmas_do_not_change_what_views_share(fifteen, factor):
     def shared(some):
         problem = problem_of(BoardModel(CORNERS), some)
         equations = problem.equations(state, np.ones(state.shared.size, bool))
-        return shared_covariance(problem, state, inverse_information(equations.information()))
+        return shared_covariance(problem, equations, SIZE,
+                                 inverse_information(equations.information()))
 
     bold = [View(view.name, **{side: replace(getattr(view, side), sigma=getattr(
         view, side).sigma * factor) for side in ('left', 'right')}) for view in views]

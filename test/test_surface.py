@@ -334,6 +334,13 @@ def test_the_variance_grows_with_pulls_and_second_differences():
     np.testing.assert_allclose(field.variance[field.grid.inner], 0.01, rtol=1e-5)
 
 
+def doubt_steps(method):
+    """Doubt the ranges beside steps, as far as the verdict and the quality say."""
+    steps, verdict = method.steps, method.trust.verdict
+    rough = steps.roughness(method.quality)
+    steps.doubt(method.planes, verdict, rough, steps.weakness(verdict, method.quality, rough))
+
+
 @pytest.mark.parametrize('usual, change', [(2.5, -1), (7.0, 0)])
 def test_steps_are_doubted_in_pairs_that_say_little_beside_them(usual, change):
     method = ColorStereo(rig(256, 192), surface_settings(5, 60))._method
@@ -343,14 +350,14 @@ def test_steps_are_doubted_in_pairs_that_say_little_beside_them(usual, change):
     planes.d[...] = 10 + 3 * (column // 8 % 2)  # a step at every eighth node
     quality.samples[1:] = np.array([0.8, 1, 3])[:, None, None]
     odds.fill(usual)
-    method.steps.doubt(planes, method.trust.verdict, quality)
+    doubt_steps(method)
     beside = np.isin(column[inner] % 8, (0, 1, 6, 7))
     lost = max(usual - tuning.odds, tuning.kept_odds) if change else usual
     np.testing.assert_allclose(odds[inner][beside], lost, rtol=1e-5)
     np.testing.assert_allclose(odds[inner][~beside], usual, rtol=1e-5)
     quality.samples[1] = 0  # a plane that leans has differences and no bend
     odds.fill(usual)
-    method.steps.doubt(planes, method.trust.verdict, quality)
+    doubt_steps(method)
     np.testing.assert_allclose(odds[inner], usual, rtol=1e-5)
 
 

@@ -282,15 +282,31 @@ def test_blur_that_grows_to_a_border_or_into_corners_is_evened_out(
 
 
 def test_the_worst_part_shows_what_a_quartile_of_the_whole_image_hides(usual):
-    grid, pair_tuning = usual._method.views.grid, TUNING.pair
+    usual.process(*pair())
+    views, pair_tuning = usual._method.views, TUNING.pair
+    grid = views.grid
     planes = PlaneField(grid, 1.0, True, Arena())
     planes.misfit[grid.inner] = 0.1 * pair_tuning.quartile
     planes.misfit[grid.inner][:, -grid.columns // 4:] = 5 * pair_tuning.quartile
-    assert worst_part(planes, grid, pair_tuning) == pytest.approx(5)
+    assert worst_part(views, planes, TUNING) == pytest.approx(5)
     planes.misfit[grid.inner][::3, ::2] = np.nan  # a part keeps the rest of its nodes
-    assert worst_part(planes, grid, pair_tuning) == pytest.approx(5)
+    assert worst_part(views, planes, TUNING) == pytest.approx(5)
     planes.misfit[grid.inner][:, -grid.columns // 4:] = np.nan
-    assert worst_part(planes, grid, pair_tuning) == pytest.approx(0.1)
+    assert worst_part(views, planes, TUNING) == pytest.approx(0.1)
+
+
+def test_dark_places_of_compressed_pairs_are_no_part_of_it():
+    usual = sensor()
+    usual.process(*pair())
+    views = usual._method.views
+    grid = views.grid
+    planes = PlaneField(grid, 1.0, True, Arena())
+    planes.misfit[grid.inner] = 0.1 * TUNING.pair.quartile
+    planes.misfit[grid.inner][:, -grid.columns // 4:] = 5 * TUNING.pair.quartile
+    views.left.s[grid.inner][:, -grid.columns // 4:] = 0.5 * TUNING.raw.least_light
+    assert worst_part(views, planes, TUNING) == pytest.approx(5)
+    views.compressed = True
+    assert worst_part(views, planes, TUNING) == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize('cycles, slow', [(1, True), (4, False)])

@@ -26,6 +26,7 @@ from .starting import first_state, NOT_TOGETHER
 from .views import Corners, SIDES
 from ..core.cameras.covariance import StereoCovariance
 from ..core.cameras.parameters import StereoParameters
+from ..core.constants import ROBUST_STD
 from ..errors import CalibrationError
 
 LEAST_VIEWS = 3        # pairs; fewer cannot determine focal lengths and distortion
@@ -33,7 +34,6 @@ GROSS = 5.0            # sigma: a corner beyond is left out
 GROSS_SHARE = 0.2      # of the corners of a view: more, and the view is dropped
 WORSE = 1.6            # times the scatter of the middle view: a view beyond is dropped
 SCATTER = 4 * 1.17     # four sigma of a median deviation of n values is so much / sqrt(n)
-NORMAL = 0.6745        # median deviation of a normal distribution, sigma
 ROUNDS = 8             # of robust weights, and of dropping; chosen: two or three suffice
 LARGEST_FOCAL_STD = 0.02  # of the focal length: a calibration beyond is none
 
@@ -184,7 +184,7 @@ def judged(problem, state):
               for side in SIDES}
     of_views = [np.concatenate([scaled[side][problem.corners[side].of_view(view)]
                                 for side in SIDES]) for view in range(problem.count)]
-    scatter = np.array([np.median(each) for each in of_views]) / NORMAL
+    scatter = ROBUST_STD * np.array([np.median(each) for each in of_views])
     limit = GROSS * np.median(scatter)
     gross = {side: (scaled[side] > limit).any(1) for side in SIDES}
     return gross, scatter, np.array([len(each) for each in of_views])
@@ -270,7 +270,8 @@ def _result(problem, state, views, dropped):
     scale = np.sqrt(equations.cost / (number - unknown))
     told = inverse_information(equations.information())
     # Errors that corners share do not scatter: small residuals are no reason to claim more.
-    matrix = told * max(scale, 1.0)**2 + shared_covariance(problem, state, told)
+    matrix = told * max(scale, 1.0)**2 + shared_covariance(
+        problem, equations, state.parameters.size, told)
     information = inverse_information(matrix)
     _check_focal_lengths(state.parameters, matrix)
     return Adjustment(

@@ -16,10 +16,11 @@
 
 import numpy as np
 
+from ..core.constants import ROBUST_STD
+
 LEAST = 20   # curvatures of lines that a smooth field is fitted to; twice its 6 terms and more
 ROUNDS = 5   # of robust weights; chosen: three suffice
 OUTLIER = 2.5  # times the scatter: where a curvature has half of its weight (Cauchy)
-NORMAL = 0.6745  # median deviation of a normal distribution, sigma
 
 
 def bends(shape, ids, pixels):
@@ -95,6 +96,6 @@ def _smooth(values):
         root = np.sqrt(weight)
         found = np.linalg.lstsq(there * root[:, None], seen * root, rcond=None)[0]
         apart = np.abs(seen - there @ found)
-        scatter = max(np.median(apart) / NORMAL, np.finfo(float).tiny)
+        scatter = max(ROBUST_STD * np.median(apart), np.finfo(float).tiny)
         weight = 1 / (1 + np.square(apart / (OUTLIER * scatter)))
     return terms @ found

@@ -34,6 +34,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..core.constants import ROBUST_STD
 from ..errors import CalibrationError
 
 REJECTED = 0.003  # share of the points; given: VDI/VDE 2634 part 2
@@ -42,7 +43,6 @@ TRIALS, SAMPLE = 300, 1500  # of three points, of points; chosen: half of them m
 LEAST_POINTS = 1000  # chosen: a board that fills a twentieth of a small image has more
 LEAST_SHARE = 0.3  # of the ranges; chosen: a board that fills the view has nearly all
 BLOCK = 16  # px; chosen: noise averages out, the shape stays
-ROBUST = 1.4826
 WITHIN = 68.27  # percent of a normal distribution lie within one standard deviation
 STEEP = np.cos(np.radians(60))  # chosen: seen from the side a sphere is measured badly
 VOXEL = 0.2  # radii; chosen: normals point to the center within this
@@ -284,7 +284,7 @@ def _sphere(points, center, radius, claimed):
         offset = points - unknown[:3]
         length = np.linalg.norm(offset, axis=1)
         residual = length - unknown[3]
-        scale = ROBUST * np.median(np.abs(residual - np.median(residual)))
+        scale = ROBUST_STD * np.median(np.abs(residual - np.median(residual)))
         keep = np.abs(residual - np.median(residual)) <= max(4 * scale, 1e-9)
         jacobian = np.column_stack([offset / length[:, None], np.ones(len(points))])[keep]
         step = np.linalg.lstsq(jacobian, residual[keep], rcond=None)[0]

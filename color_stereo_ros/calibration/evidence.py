@@ -24,6 +24,7 @@ from .guidance import grid_of
 from .starting import COEFFICIENTS, state_of
 from ..core.cameras.covariance import depth_derivatives, rectified_derivatives
 from ..core.cameras.lenses import LENSES
+from ..core.constants import ROBUST_STD
 from ..errors import CalibrationError
 
 FOLDS = 3
@@ -108,7 +109,7 @@ def _clearly_better(best, other):
     gain = np.log(other) - np.log(best)
     middle = np.median(gain)
     # of a median
-    error = 1.2533 * 1.4826 * np.median(np.abs(gain - middle)) / np.sqrt(gain.size)
+    error = 1.2533 * ROBUST_STD * np.median(np.abs(gain - middle)) / np.sqrt(gain.size)
     return middle > max(RELEVANT, CLEAR * error)
 
 

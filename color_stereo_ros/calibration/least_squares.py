@@ -46,6 +46,9 @@ class Equations:
     """float64 (V, 6, 6)."""
     pose_gradients: np.ndarray
     """float64 (V, 6)."""
+    derivatives: dict
+    """'left' and 'right': by the free shared values (m, 2, k) and by the poses (m, 2, 6), float64,
+    of the weighted projections of the corners."""
 
     def step(self, damping):
         """Return the step of the free shared values (k,) and of the poses (V, 6)."""
@@ -175,30 +178,29 @@ class Problem:
                 mixed[view] += by_shared[rows].reshape(len(here), number).T @ here
                 poses[view] += here.T @ here
                 pose_gradients[view] += here.T @ residuals[rows].ravel()
-        return Equations(cost, shared, gradient, mixed, poses, pose_gradients)
+        derivatives = {side: each for side, (_, *each) in zip(SIDES, parts)}
+        return Equations(cost, shared, gradient, mixed, poses, pose_gradients, derivatives)
 
-    def pulls(self, state, fields):
+    def pulls(self, equations, fields):
         """
-        Return by what errors of the corners pull the shared values, poses unknown.
+        Return by what errors of the corners pull the free shared values, poses unknown.
 
         Parameters
         ----------
-        state : State
-            The solution.
+        equations : Equations
+            Of the solution, with the weights that hold.
         fields : dict
             'left' and 'right': errors of the corners, float64 (m, 2, f), px.
 
         Returns
         -------
-        pulls : numpy.ndarray, float64, shape (n + 2, f)
+        pulls : numpy.ndarray, float64, shape (k, f)
             Times the covariance of the shared values: by how much the errors move them.
 
         """
-        free = np.ones(state.shared.size, bool)
-        equations = self.equations(state, free)
         poses, found = 0.0, 0.0
         for side in SIDES:
-            _, by_shared, by_pose = self._rows(state, side, free)
+            by_shared, by_pose = equations.derivatives[side]
             errors = fields[side] * self._weights(side)[:, None, None]
             found = found + np.einsum('mak,maf->kf', by_shared, errors)
             of_corners = np.einsum('map,maf->mpf', by_pose, errors)

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from .views import SIDES
+from ..core.constants import ROBUST_STD
 from ..pages.plots import as_image, as_svg, plain_numbers, styled
 
 COLORS = dict(zip(SIDES, ('#1f4e8c', '#c8553d')))
@@ -61,7 +62,7 @@ def residual_histogram(residuals):
     figure = Figure((6.4, 2.7))
     axes = figure.subplots()
     every = np.concatenate([each.ravel() for each in residuals.values()])
-    reach = 4 * max(1.4826 * np.median(np.abs(every)), 1e-9)
+    reach = 4 * max(ROBUST_STD * np.median(np.abs(every)), 1e-9)
     for side in SIDES:
         axes.hist(residuals[side].ravel(), np.linspace(-reach, reach, BINS), histtype='step',
                   color=COLORS[side], lw=1.6, label=side)

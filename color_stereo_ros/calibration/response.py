@@ -29,6 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.color_calibration import linear
+from ..core.constants import ROBUST_STD
 from ..errors import CalibrationError
 
 _LIMITS = np.array([[0.3, 4.0], [0.0, 0.5]])  # of gamma and offset
@@ -107,7 +108,7 @@ def _descended(point, levels):
         errors = residuals(point, levels)
         slopes = np.stack([(residuals(point + step, levels) - errors) / step.sum()
                            for step in np.diag(_STEP)], axis=1)
-        spread = 1.4826 * np.median(np.abs(errors - np.median(errors))) + 1e-4
+        spread = ROBUST_STD * np.median(np.abs(errors - np.median(errors))) + 1e-4
         weight = 1 / (1 + (errors / (_CAUCHY * spread)) ** 2)
         normal = (slopes * weight[:, None]).T @ slopes
         normal[1, 1] += weight.sum() * _PRIOR

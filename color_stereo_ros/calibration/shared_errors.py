@@ -30,7 +30,7 @@ SIZE = 0.23  # px x px of image width, root mean square of either coordinate: ed
 DEGREE = 3   # of the field in column and row; chosen, 4: claims change by 5 %
 
 
-def shared_covariance(problem, state, matrix):
+def shared_covariance(problem, equations, size, matrix):
     """
     Return what errors that all views share add to the covariance of the shared values.
 
@@ -38,8 +38,10 @@ def shared_covariance(problem, state, matrix):
     ----------
     problem : Problem
         Its corners and weights.
-    state : State
-        The solution.
+    equations : Equations
+        Of the solution.
+    size : (int, int)
+        Width and height of the images, px.
     matrix : numpy.ndarray, float64, shape (k, k)
         Covariance of the shared values by what the corners claim: the same weights as those of
         the pulls, so that a common factor of all sigmas changes nothing.
@@ -49,8 +51,8 @@ def shared_covariance(problem, state, matrix):
     covariance : numpy.ndarray, float64, shape (k, k)
 
     """
-    moved = matrix @ problem.pulls(state, _fields(problem, state.parameters.size))
-    return (SIZE / max(state.parameters.size)) ** 2 * moved @ moved.T
+    moved = matrix @ problem.pulls(equations, _fields(problem, size))
+    return (SIZE / max(size)) ** 2 * moved @ moved.T
 
 
 def _fields(problem, size):

@@ -23,6 +23,8 @@ table in docs/tuning.md is made from these fields.
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 
 KINDS = 'derived', 'fitted', 'recorded', 'chosen'
+ROBUST_STD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 
 @dataclass(frozen=True)

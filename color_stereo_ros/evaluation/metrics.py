@@ -27,6 +27,7 @@ import cv2
 import numpy as np
 
 from ..core import ImageError, Status
+from ..core.constants import ROBUST_STD
 from ..core.triangulation import disparity_from_depth, points_from_depth
 
 CORRECT_SHARE = 0.01
@@ -57,9 +58,6 @@ BEND = (0.2, 0.5)
 
 BEND_PIXELS = 500
 """Fewest pixels from which figures of bends are taken."""
-
-ROBUST_STD = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -510,7 +508,7 @@ def z_scores(result, truth):
 
 
 def robust_std(values):
-    """Return 1.4826 times the median absolute deviation, which outliers cannot move."""
+    """Return ROBUST_STD times the median absolute deviation, which outliers cannot move."""
     return ROBUST_STD * np.median(np.abs(values - np.median(values)))
 
 

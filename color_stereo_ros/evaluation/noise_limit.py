@@ -37,8 +37,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .metrics import depth_edges, ROBUST_STD, robust_std
+from .metrics import depth_edges, robust_std
 from ..core import SettingsError
+from ..core.constants import ROBUST_STD
 from ..core.triangulation import disparity_from_depth
 
 BAYER_SHARES = (0.25, 0.5, 0.25)

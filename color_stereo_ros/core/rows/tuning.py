@@ -21,7 +21,7 @@ The disturbances named here were applied to the path-traced pairs of docs/row_al
 
 from dataclasses import dataclass
 
-from ..constants import chosen, constant, Constants, derived, unexplained
+from ..constants import chosen, constant, Constants, derived, ROBUST_STD, unexplained
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class EstimateTuning(Constants):
         2.5, '1', 'Deviations at which a cell has half of its weight (Cauchy).',
         chosen('Half-occluded cells and mirrors must not count.'))
     half: float = constant(
-        0.6745, '1', 'Deviations that half of the cells stay within.',
+        round(1 / ROBUST_STD, 4), '1', 'Deviations that half of the cells stay within.',
         derived('Third quartile of the normal distribution.'))
     least_weight: float = constant(
         1e-6, 'px^-2', 'Smallest weight that is divided by.',

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from .grid_kernels import F4, SILENT_VARIANCE
+from .pair_model import first_quartile, known_values
 from .texture_kernels import add_seeds, linearize_brightness
 
 
@@ -197,11 +198,9 @@ class BrightnessCarrier:
         step_y, step_x = self.steps
         rows, columns = views.grid.inner
         found = self.misfit[rows, columns][::step_y, ::step_x]
-        known = found[np.isfinite(found)]
+        known = known_values(found)
         if known.size >= self.least_samples:
-            at = known.size // 4
-            quartile = np.partition(known, at)[at]
-            self.scale = F4(np.clip(quartile / self.tuning.quartile, *self.limits))
+            self.scale = F4(np.clip(first_quartile(known) / self.tuning.quartile, *self.limits))
 
 
 def normalized_brightness(view, offset, saturation, window, share, level, variance):

@@ -17,7 +17,7 @@
 import cv2
 import numpy as np
 
-from .contest_kernels import contest
+from .contest_kernels import contest, OWN
 from .grid_kernels import F4
 
 NOWHERE = np.finfo(np.float16).min  # px, less than any disparity
@@ -36,6 +36,11 @@ class Contest:
     tuning : Tuning
     arena : Arena
 
+    Attributes
+    ----------
+    winner : numpy.ndarray, uint8, shape (rows, columns)
+        Whose plane each node has since the last contest, see `contest_kernels`.
+
     """
 
     def __init__(self, grid, tuning, arena):
@@ -48,7 +53,7 @@ class Contest:
 
     def hold(self, planes, images, balance, seed=None):
         """
-        Hold the contest; write d, a, b and variance of planes.
+        Hold the contest; write d, a, b and variance of planes, and `winner`.
 
         Parameters
         ----------
@@ -60,11 +65,6 @@ class Contest:
             Brightness left against right around each node, see `Trust.usual_balance`.
         seed : numpy.ndarray, float32, framed, optional
             Disparities of a search, px, NaN = none.
-
-        Returns
-        -------
-        winner : numpy.ndarray, uint8, shape (rows, columns)
-            Whose plane each node has now, see `contest_kernels`; kept until the next contest.
 
         """
         left, right = images
@@ -80,7 +80,11 @@ class Contest:
                     self.winner)
         inner = self.grid.inner
         planes.variance[inner] = self.variance[inner]
-        return self.winner
+
+    @property
+    def changed(self):
+        """Return the nodes that have changed hands in the last contest, bool."""
+        return self.winner != OWN
 
     def wanted(self, d, seed):
         """Return the nodes beside steps, and those whose seed is another match; bool."""

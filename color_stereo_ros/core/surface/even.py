@@ -48,7 +48,7 @@ class Evening:
         self.color = matching.color_matching and tuning.unlike.color
         self.on = (self.blur or self.color) and matching.refinements > 0
 
-    def improve(self, views, planes):
+    def improve(self, views, planes, fit=None):
         """
         Even out what the matches show, in the views, until nothing more shows.
 
@@ -58,6 +58,8 @@ class Evening:
             Changed in place where the views differ.
         planes : PlaneField
             After a fit.
+        fit : Regression, optional
+            Of a first `look` at these views and planes, if there was one.
 
         Returns
         -------
@@ -70,11 +72,12 @@ class Evening:
         changed, size = False, 0.0
         steps, share = self.tuning.first_steps, 1.0
         for _ in range(self.tuning.repeats):
-            found = self.measure(views, planes, steps, share)
+            found = self.measure(fit or self.look(views, planes, steps), views, planes,
+                                 steps == self.tuning.first_steps, share)
             if found is None:
                 break
             apply(found, views, self.softening, self.tuning)
-            changed, size = True, max(size, found.size)
+            changed, size, fit = True, max(size, found.size), None
             steps, share = self.tuning.next_steps, self.tuning.again_share
         return changed, size
 
@@ -88,13 +91,21 @@ class Evening:
         """
         return 0 < median_slope(views, self.tuning.slope_step) < self.tuning.steep_slope
 
-    def explains(self, views, planes):
-        """Return whether the matches explain enough of the colors to learn from them."""
+    def look(self, views, planes, steps=None):
+        """
+        Return the Regression of the matches, None where they are too few or explain too little.
+
+        steps: rows and columns between the nodes; default: those of the first look.
+
+        """
         tuning = self.tuning
-        samples = sampled(views, planes, *tuning.first_steps)
-        return samples.count >= tuning.least_samples and Regression(
-            samples, views, tuning, self.blur, self.color,
-            tuning.first_turns).explained >= tuning.least_explained
+        steps = steps or tuning.first_steps
+        samples = sampled(views, planes, *steps)
+        if samples.count < tuning.least_samples:
+            return None
+        turns = tuning.first_turns if steps == tuning.first_steps else tuning.turns
+        fit = Regression(samples, views, tuning, self.blur, self.color, turns)
+        return fit if fit.explained >= tuning.least_explained else None
 
     def even_spread(self, views):
         """
@@ -126,22 +137,17 @@ class Evening:
             respread(views.left, np.linalg.inv(matrix), left_mean, right_mean)
         return True
 
-    def measure(self, views, planes, steps, share=1.0):
+    def measure(self, fit, views, planes, first, share):
         """
         Return the Unlikeness of the views, None where none shows or the matches are too bad.
 
-        steps: rows and columns between the nodes; share: of the least differences that count.
+        fit: what `look` has returned; first: it was the first look; share: of the least
+        differences that count.
 
         """
-        tuning = self.tuning
-        samples = sampled(views, planes, *steps)
-        if samples.count < tuning.least_samples:
+        if fit is None:
             return None
-        first = steps == tuning.first_steps
-        fit = Regression(samples, views, tuning, self.blur, self.color,
-                         tuning.first_turns if first else tuning.turns)
-        if fit.explained < tuning.least_explained:
-            return None
+        tuning, samples = self.tuning, fit.samples
         blur = blur_of(fit, LINEAR)
         oblique = float(fit.value('blur', 2, 1)[0])
         if abs(oblique) < tuning.least_oblique * np.abs(blur[:, 0]).max():
@@ -165,10 +171,11 @@ class Evening:
         if not (blurred or recolored or banded):
             return None
         if first:  # something differs: look closely
-            return self.measure(views, planes, tuning.next_steps, share)
+            return self.measure(self.look(views, planes, tuning.next_steps), views, planes, False,
+                                share)
         if blurred:
             if not oblique:
-                blur, blurs = self.curved(samples, views, blur, blurs)
+                blur, blurs = self.curved(fit, blur, blurs)
             # a loss of contrast looks like blur, and the other way round
             gamma, matrix, strength = 0.0, np.zeros_like(matrix), (strength[0], 0.0, 0.0)
         bands = self.bands(views, planes) if banded else ()
@@ -184,16 +191,15 @@ class Evening:
                           gain, gamma, matrix, limits(blurs), limits(gains), bands, shift,
                           blurred, recolored or banded, size)
 
-    def curved(self, samples, views, blur, blurs):
+    def curved(self, fit, blur, blurs):
         """
         Return coefficients and values of the blur, quadratic if that makes it another one.
 
         The field of a lens is curved: its corners are out of focus. Rough matches feign that, too,
-        but less.
+        but less. fit: the Regression that has found this linear blur.
 
         """
-        tuning = self.tuning
-        fit = Regression(samples, views, tuning, self.blur, self.color, tuning.turns, QUADRATIC)
+        tuning, fit = self.tuning, fit.again(QUADRATIC)
         found = blur_of(fit, QUADRATIC)
         flat = found.copy()
         flat[:, :LINEAR] = 0

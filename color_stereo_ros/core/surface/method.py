@@ -53,7 +53,6 @@ from .bends import Bends
 from .brightness import BrightnessCarrier, without_color
 from .coarse import CoarseSearch
 from .contest import Contest
-from .contest_kernels import OWN
 from .even import Evening, median_slope
 from .grid import HalfGrid
 from .grid_kernels import F4, SILENT_VARIANCE
@@ -213,11 +212,10 @@ class SurfaceMethod:
         uneven = self.uneven(planes)  # of the fit: seeds are rougher
         if self.brightness.seeded:
             self.settle_disputes(views, planes, seeds)
-        verdict = self.judge(views, planes, seeds, uneven)
-        if self.brightness.seeded:
-            self.steps.bound(verdict, self.contest.winner != OWN)
+        balance = self.trust.usual_balance(views, planes)
+        verdict = self.judge(views, planes, seeds, balance, uneven, self.brightness.seeded)
         if self.settings.matching.refinements:
-            verdict = self.doubt_steps(views, planes, seeds, uneven, verdict)
+            verdict = self.doubt_steps(views, planes, seeds, balance, uneven, verdict)
         if self.aligner is not None and not (
                 seeds.alike_share > self.tuning.brightness.agreeing_share):
             verdict.log_odds[:] -= F4(doubt(alignment))
@@ -368,11 +366,14 @@ class SurfaceMethod:
             clock.lap('bend', planes)
         solver.correct_variance(planes)
 
-    def judge(self, views, planes, seeds, uneven):
-        """Return the Verdict on the planes, see `Trust.judge`."""
+    def judge(self, views, planes, seeds, balance, uneven, contested):
+        """Return the Verdict on the planes, see `Trust.judge`; contested: after a contest."""
         brightness = self.brightness
-        return self.trust.judge(views, planes, seeds, brightness.confirmed(planes),
-                                brightness.light(views.left), uneven)
+        verdict = self.trust.judge(views, planes, seeds, balance, brightness.confirmed(planes),
+                                   brightness.light(views.left), uneven)
+        if contested:
+            self.steps.bound(verdict, self.contest.changed)
+        return verdict
 
     def settle_disputes(self, views, planes, seeds):
         """
@@ -386,7 +387,7 @@ class SurfaceMethod:
                           self.brightness.claims(views.grid))
         self.brightness.settle(planes, seeds)
 
-    def doubt_steps(self, views, planes, seeds, uneven, verdict):
+    def doubt_steps(self, views, planes, seeds, balance, uneven, verdict):
         """
         Doubt ranges beside steps where the pair says little there; see `measure`.
 
@@ -395,12 +396,14 @@ class SurfaceMethod:
         tell no more. Writes d, a, b and variance of planes; returns the Verdict.
 
         """
-        if self.steps.weak(verdict, self.quality) and not self.brightness.seeded:
-            self.contest.hold(planes, self.texture.plain(views),
-                              self.trust.usual_balance(views, planes))
-            verdict = self.judge(views, planes, seeds, uneven)
-            self.steps.bound(verdict, self.contest.winner != OWN)
-        self.steps.doubt(planes, verdict, self.quality)
+        steps, rough = self.steps, self.steps.roughness(self.quality)
+        weak = steps.weakness(verdict, self.quality, rough)
+        if weak > 0 and not self.brightness.seeded:
+            self.contest.hold(planes, self.texture.plain(views), balance)
+            balance = self.trust.usual_balance(views, planes)  # winners look elsewhere
+            verdict = self.judge(views, planes, seeds, balance, uneven, contested=True)
+            weak = steps.weakness(verdict, self.quality, rough)  # of what the contest has left
+        steps.doubt(planes, verdict, rough, weak)
         return verdict
 
     def uneven(self, planes):
@@ -774,7 +777,7 @@ class SurfaceMethod:
         """Return whether the views may differ by more than noise, see `even_out`."""
         tuning = self.tuning
         return bool(pair.scale > tuning.unlike.quiet_scale or self.evening.matters(views)
-                    or worst_part(planes, views.grid, tuning.pair) > tuning.unlike.quiet_part)
+                    or worst_part(views, planes, tuning) > tuning.unlike.quiet_part)
 
     def make_alike(self, views, planes, pair, search=None):
         """
@@ -783,16 +786,21 @@ class SurfaceMethod:
         search: see `search_again`.
 
         """
-        evening = self.evening_in_force
+        evening, fit = self.evening_in_force, None
         if self.brightness.active:
             if max(pair.scale, self.brightness.scale) < self.tuning.brightness.unlike_scale:
                 evening = self.careful_evening
             if self.aligner is not None:  # blur hides structure
                 self.rows.look(views, planes, pair, self.brightness)
-        elif not evening.explains(views, planes) and evening.even_spread(views):
-            pair = self.search_again(views, planes, search)
+        else:
+            fit = evening.look(views, planes)
+            if fit is None:
+                if not evening.even_spread(views):
+                    return pair
+                pair = self.search_again(views, planes, search)
         for _ in range(self.tuning.unlike.searches + 1):
-            changed, size = evening.improve(views, planes)
+            changed, size = evening.improve(views, planes, fit)
+            fit = None  # of views that have changed
             if not changed:
                 break
             if size >= 1:

@@ -59,19 +59,11 @@ class PairModel:
             This one where there are too few matches.
 
         """
-        rows, columns = views.grid.nodes
-        step_y, step_x = tuning.pair.adapt_steps
-        area = np.s_[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
-        misfit, variance = planes.misfit, views.left.variance
-        if mostly_dim(misfit[area], variance[area], tuning.pair):
-            misfit = np.where(variance < F4(tuning.pair.dim_variance), misfit, F4(np.nan))
-        if views.compressed:  # compression leaves no noise where it is dark
-            misfit = np.where(views.left.s > F4(tuning.raw.least_light), misfit, F4(np.nan))
-        known = misfit[area][np.isfinite(misfit[area])]
+        misfit = counted_misfit(views, planes, tuning)
+        known = known_values(misfit[sampled_nodes(views.grid, tuning.pair)])
         if known.size < tuning.pair.least_samples:
             return self
-        at = known.size // 4
-        quartile = np.partition(known, at)[at]
+        quartile = first_quartile(known)
         scale = F4(np.clip(quartile / tuning.pair.quartile, *tuning.pair.scale_limits))
         if not match_colors:
             return replace(self, scale=scale)
@@ -79,7 +71,7 @@ class PairModel:
         return replace(self, scale=scale, matrix=matrix)
 
 
-def worst_part(planes, grid, tuning):
+def worst_part(views, planes, tuning):
     """
     Return the noise scale of the part of the image in which the views agree least, 0 or more.
 
@@ -88,25 +80,67 @@ def worst_part(planes, grid, tuning):
 
     Parameters
     ----------
+    views : Views
+        Both views as the method sees them.
     planes : PlaneField
         With the misfit of the first round.
-    grid : HalfGrid
-        Of the planes.
-    tuning : PairTuning
-        Constants of this stage.
+    tuning : Tuning
+        Constants of the method.
 
     """
-    rows, columns = grid.nodes
-    step_y, step_x = tuning.adapt_steps
-    misfit = planes.misfit[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
-    worst = 0.0
+    misfit = counted_misfit(views, planes, tuning)[sampled_nodes(views.grid, tuning.pair)]
+    worst, tuning = 0.0, tuning.pair
     for band in np.array_split(misfit, tuning.parts[0]):
         for part in np.array_split(band, tuning.parts[1], axis=1):
-            known = part[np.isfinite(part)]
+            known = known_values(part)
             if known.size >= tuning.least_part:
-                at = known.size // 4
-                worst = max(worst, float(np.partition(known, at)[at]))
+                worst = max(worst, float(first_quartile(known)))
     return worst / tuning.quartile
+
+
+def sampled_nodes(grid, tuning):
+    """Return the slices of a framed array that hold the nodes which tell what a pair is like."""
+    rows, columns = grid.nodes
+    step_y, step_x = tuning.adapt_steps
+    return np.s_[PAD + 1:PAD + rows:step_y, PAD + 1:PAD + columns:step_x]
+
+
+def counted_misfit(views, planes, tuning):
+    """
+    Return the misfit of the nodes, framed; NaN at those that say nothing of a pair.
+
+    Parameters
+    ----------
+    views : Views
+        Their light and noise decide what counts.
+    planes : PlaneField
+        Of whose misfit a copy is returned where some nodes do not count.
+    tuning : Tuning
+        Constants of the method.
+
+    Returns
+    -------
+    misfit : numpy.ndarray, float32, framed
+
+    """
+    misfit, variance = planes.misfit, views.left.variance
+    area = sampled_nodes(views.grid, tuning.pair)
+    if mostly_dim(misfit[area], variance[area], tuning.pair):
+        misfit = np.where(variance < F4(tuning.pair.dim_variance), misfit, F4(np.nan))
+    if views.compressed:  # compression leaves no noise where it is dark
+        misfit = np.where(views.left.s > F4(tuning.raw.least_light), misfit, F4(np.nan))
+    return misfit
+
+
+def known_values(values):
+    """Return the finite ones of some values, (N,)."""
+    return values[np.isfinite(values)]
+
+
+def first_quartile(known):
+    """Return the first quartile of values (N,), N > 0: outliers do not move it."""
+    at = known.size // 4
+    return np.partition(known, at)[at]
 
 
 def sampled_lines(tuning):

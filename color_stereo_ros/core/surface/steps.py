@@ -40,7 +40,7 @@ class Steps:
         """Keep the constants."""
         self.grid, self.tuning, self.step = grid, tuning.steps, tuning.quality.step
 
-    def doubt(self, planes, verdict, quality):
+    def doubt(self, planes, verdict, rough, weak):
         """
         Lower verdict.log_odds beside steps, as far as the pair says little there.
 
@@ -50,24 +50,23 @@ class Steps:
             The planes of the nodes so far.
         verdict : Verdict
             What is believed of each node.
-        quality : Quality
-            Of these planes.
+        rough : numpy.ndarray, float32, shape (h, w)
+            See `roughness`.
+        weak : float
+            See `weakness`.
 
         """
-        rough = self.roughness(quality)
-        weak = self.weakness(verdict, quality, rough)
         if weak > 0:
             self.lower(planes, verdict, rough, weak * self.tuning.odds)
-
-    def weak(self, verdict, quality):
-        """Return whether a pair says so little beside its steps that ranges are doubted."""
-        return self.weakness(verdict, quality, self.roughness(quality)) > 0
 
     def bound(self, verdict, nodes):
         """
         Let no node of some, bool (rows, columns), be surer than doubted ones may be.
 
-        Those that have changed hands are judged by the misfit of the plane they had.
+        Those that have changed hands are judged by the misfit of the plane they had. With misfit
+        and cost of the neighbor whose plane they took, and no bound, more of them are sure and
+        wrong: of the ranges above a confidence of .9 in 18 stressed pairs .10 % more, at most
+        .33 %; right ranges +.02 %.
 
         """
         odds = verdict.log_odds[self.grid.inner]

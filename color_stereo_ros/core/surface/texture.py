@@ -138,13 +138,17 @@ class TextureSearch:
 
     def plain(self, views):
         """Return the colors of a pair as they are, see `Contest.hold`."""
-        return self.at_nodes(self.images(views, False, False))
+        left, right = (self.colors(view, 3, False) for view in (views.left, views.right))
+        return left, self.as_wide_as_the_view(right)
 
     def at_nodes(self, images):
         """Return both images: the left one of nodes, the right one as wide as its view."""
         left, right = images
-        return (np.ascontiguousarray(left[:, ::2]),
-                np.ascontiguousarray(right[:, :self.grid.width - 1]))
+        return np.ascontiguousarray(left[:, ::2]), self.as_wide_as_the_view(right)
+
+    def as_wide_as_the_view(self, right):
+        """Return the right image without what lies beyond its view."""
+        return np.ascontiguousarray(right[:, :self.grid.width - 1])
 
     def images(self, views, gray, even):
         """Return the images of both views, see `image`; gray: of one channel."""
@@ -153,6 +157,16 @@ class TextureSearch:
     def image(self, view, channels, even):
         """
         Return the colors of a view, one row per node, uint8 (rows, 2 columns, channels).
+
+        See `colors`; where they are those of nodes, means lie between them.
+
+        """
+        out = self.colors(view, channels, even)
+        return out if view.columns_per_node > 1 else between_nodes(out)
+
+    def colors(self, view, channels, even):
+        """
+        Return the colors of a view at its columns, one row per node, uint8 (rows, n, channels).
 
         even: their brightness is that against the surroundings.
 
@@ -168,7 +182,7 @@ class TextureSearch:
         nodes, columns = self.grid.nodes
         out = np.empty((nodes, columns * step, channels), np.uint8)
         local_colors(view.u, view.v, view.s, mean, PAD, PAD if step == 1 else 0, F4(level), out)
-        return out if step > 1 else between_nodes(out)
+        return out
 
 
 def matched(matcher, images, first, count):

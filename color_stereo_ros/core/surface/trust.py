@@ -95,7 +95,7 @@ class Trust:
         self.form[0, 0] += F4(self.tuning.odds_offset)
         self.robust_misfit = F4(tuning.planes.robust_misfit)
 
-    def judge(self, views, planes, seeds, confirmed=None, light=None, uneven=None):
+    def judge(self, views, planes, seeds, balance, confirmed=None, light=None, uneven=None):
         """
         Find out how far each node can be trusted, and why some cannot.
 
@@ -107,6 +107,8 @@ class Trust:
             The planes of the nodes so far.
         seeds : Seeds
             The disparities of the coarse search.
+        balance : numpy.ndarray, float32, shape (rows, columns)
+            See `usual_balance`; of these planes.
         confirmed : numpy.ndarray, float32, shape (rows, columns), optional
             Added to the log-odds of the nodes.
         light : numpy.ndarray, float32, framed, optional
@@ -119,7 +121,7 @@ class Trust:
         verdict : Verdict
 
         """
-        self.weigh(views, planes)
+        self.weigh(views, planes, balance)
         if confirmed is not None:
             self.log_odds[self.grid.inner] += confirmed
             self.distrust_unsteady()
@@ -144,12 +146,11 @@ class Trust:
             self.doubt_blur(excess, verdict)
         return verdict
 
-    def weigh(self, views, planes):
+    def weigh(self, views, planes, balance):
         """Write the evidence of every node and, in log_odds, what follows from it."""
-        usual_balance = self.usual_balance(views, planes)
         rows, columns = self.grid.nodes
         weigh_evidence(planes.d, planes.a, planes.b, planes.cost, planes.misfit, planes.variance,
-                       views.left.s, views.right.s, usual_balance, rows, columns, self.form,
+                       views.left.s, views.right.s, balance, rows, columns, self.form,
                        self.evidence, self.log_odds)
 
     def distrust_unsteady(self):

@@ -28,7 +28,8 @@ from dataclasses import dataclass, replace
 import math
 
 from .fitted import load_model
-from ..constants import Change, changed, chosen, constant, Constants, derived, unexplained
+from ..constants import (
+    Change, changed, chosen, constant, Constants, derived, ROBUST_STD, unexplained)
 
 FIRST = 'The value of the first version (3f22c9b).'
 TRUST = load_model('trust')
@@ -475,7 +476,7 @@ class UnlikeTuning(Constants):
         0.1, '1', 'Share of the least differences that count where some were evened out already.',
         chosen('What is measured anyway may be removed well.'))
     robust_std: float = constant(
-        1.4826, '1', 'Standard deviation of a normal distribution over its median absolute '
+        ROBUST_STD, '1', 'Standard deviation of a normal distribution over its median absolute '
         'deviation.', derived('1 over the third quartile of the normal distribution.'))
     repeats: int = constant(
         4, '1', 'Looks at the same matches.',

@@ -23,6 +23,7 @@ the disparity; it counts for less.
 
 """
 
+import copy
 from dataclasses import dataclass
 
 import cv2
@@ -230,51 +231,55 @@ class Regression:
     def __init__(self, samples, views, tuning, blur, color, turns, blur_terms=LINEAR):
         """Build the terms and solve."""
         self.samples, self.tuning, self.views = samples, tuning, views
+        self.turns = turns
         rows, columns = views.grid.nodes
         self.y = ((samples.rows - PAD) * F4(2 / rows) - 1).astype(F4)
         self.x = (samples.place * F4(1 / columns) - 1).astype(F4)
         self.share = np.clip(shares(samples.color), F4(tuning.least_share), 1)
         self.gauged = [regained(self.share, gauge[:, None]) for gauge in GAUGES]
-        self.names, terms, self.prior = self.terms(blur_terms if blur else 0, color)
+        self.blur, self.colors = blur, list(self.color_terms()) if color else []
         steep = np.sqrt((samples.slope ** 2).sum(axis=0)) + F4(tuning.least_slope)
         along = samples.slope / steep
         self.axes = along, np.stack([-along[1], along[0]])
         self.place_variance = F4(tuning.place_std ** 2) * steep * steep
-        self.solve(np.stack(terms), turns)
+        self.explain(blur_terms)
 
-    def terms(self, blur_terms, color):
-        """Return names, terms of shape (2, N) and standard deviations of the prior."""
-        samples, tuning = self.samples, self.tuning
-        names, terms, prior = [], [], []
-        if blur_terms:
-            for axis in range(2):
-                for k, factor in enumerate(polynomial(self.x, self.y, blur_terms)):
-                    names.append(('blur', axis, k))
-                    terms.append(0.5 * samples.bends[axis] * factor)
-                    prior.append(tuning.blur_prior)
-            names.append(('blur', 2, 0))
-            terms.append(samples.bends[2])
-            prior.append(tuning.blur_prior)
-        if color:
-            for gauge in range(2):
-                for k, factor in enumerate(polynomial(self.x, self.y, QUADRATIC)):
-                    names.append(('gain', gauge, k))
-                    terms.append(self.gauged[gauge] * factor)
-                    prior.append(tuning.gain_prior)
-            names.append(('gamma', 0, 0))
-            terms.append(regained(self.share, np.log(self.share)))
-            prior.append(tuning.gamma_prior)
-            nothing = np.zeros_like(samples.color[0])
-            for row in range(2):
-                for column in range(2):
-                    pair = [nothing, nothing]
-                    pair[row] = samples.color[column]
-                    names.append(('matrix', row, column))
-                    terms.append(np.stack(pair))
-                    prior.append(tuning.gain_prior)
-        return names, terms, np.array(prior)
+    def again(self, blur_terms):
+        """Return the Regression of the same samples whose blur has so many terms."""
+        other = copy.copy(self)
+        other.explain(blur_terms)
+        return other
 
-    def solve(self, terms, turns):
+    def explain(self, blur_terms):
+        """Fit the colors, and a blur of so many terms if it is asked."""
+        blurs = list(self.blur_terms(blur_terms)) if self.blur else []
+        self.names, terms, prior = zip(*blurs, *self.colors)
+        self.prior = np.array(prior)
+        self.solve(np.stack(terms))
+
+    def blur_terms(self, count):
+        """Yield names, terms of shape (2, N) and standard deviations of the prior."""
+        bends, prior = self.samples.bends, self.tuning.blur_prior
+        for axis in range(2):
+            for k, factor in enumerate(polynomial(self.x, self.y, count)):
+                yield ('blur', axis, k), 0.5 * bends[axis] * factor, prior
+        yield ('blur', 2, 0), bends[2], prior
+
+    def color_terms(self):
+        """Yield the same of gains, gamma and matrix."""
+        color, tuning = self.samples.color, self.tuning
+        for gauge in range(2):
+            for k, factor in enumerate(polynomial(self.x, self.y, QUADRATIC)):
+                yield ('gain', gauge, k), self.gauged[gauge] * factor, tuning.gain_prior
+        yield ('gamma', 0, 0), regained(self.share, np.log(self.share)), tuning.gamma_prior
+        nothing = np.zeros_like(color[0])
+        for row in range(2):
+            for column in range(2):
+                pair = [nothing, nothing]
+                pair[row] = color[column]
+                yield ('matrix', row, column), np.stack(pair), tuning.gain_prior
+
+    def solve(self, terms):
         """Fit by robust least squares; write beta, std, explained and what `bands` needs."""
         along, across = self.axes
         error = self.samples.error
@@ -284,7 +289,7 @@ class Regression:
         self.error = np.concatenate([error[0] * along[0] + error[1] * along[1],
                                      error[0] * across[0] + error[1] * across[1]])
         rest = self.error
-        for _ in range(turns):
+        for _ in range(self.turns):
             scale = max(F4(np.median(np.abs(rest[count:]))) * F4(self.tuning.robust_std),
                         F4(self.tuning.least_scale))
             inverse = np.concatenate([1 / (scale * scale + self.place_variance),

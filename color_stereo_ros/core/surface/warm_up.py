@@ -72,8 +72,9 @@ def main():
     views, planes, solver = method.views, method.planes, method.least_squares
     pair, tiles = PairModel.neutral(views), planes.tiles
     solver.fit(solver.linearized, views, planes, pair, tiles, 0)
-    verdict = method.trust.judge(views, planes, method.coarse.seeds)
-    measured_pixels(planes, verdict, method.geometry, method.limits, method.trust.least_odds)
+    trust = method.trust
+    verdict = trust.judge(views, planes, method.coarse.seeds, trust.usual_balance(views, planes))
+    measured_pixels(planes, verdict, method.geometry, method.limits, trust.least_odds)
     method.rows.measure(views, planes, pair, Alignment.unknown(SIZE))
     propagate_planes(views, planes, pair, tiles, 1, method.tuning.neighbors, method.brightness)
     solver.linearize(views, planes, pair, tiles)

@@ -19,11 +19,11 @@ import numpy as np
 from .nodes import gathered, pattern_tuning
 from .pairs import simulated
 from .regression import equal_shares
+from ...core.constants import ROBUST_STD
 from ...core.surface.trust_kernels import APART
 
 STEPS = 50       # of the scoring method: it converges in about ten
 LEAST = 1e-8     # px^2, of a variance
-NORMAL = 1.4826  # standard deviation over median magnitude, of normal noise
 OUTLIER = 3.0    # standard deviations
 INSIDE = 0.9733  # variance of normal noise that is cut there
 
@@ -84,4 +84,4 @@ def fitted_spread(samples):
 
 def robust_std(scores):
     """Return the standard deviation of normal noise that has this median magnitude."""
-    return max(NORMAL * float(np.median(scores)), LEAST)
+    return max(ROBUST_STD * float(np.median(scores)), LEAST)
