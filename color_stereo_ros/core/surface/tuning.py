@@ -1387,7 +1387,7 @@ class RepetitionTuning(Constants):
                '-> 1.0 %; 23 photographs of periodic patterns .88 -> .65 %, right ones above .9 '
                '.57 -> .53.'))
     color_odds: tuple = constant(
-        (2.0, 14.0), '1', 'Largest log-odds of the period there, unless two searches agree widely.',
+        (2.0, 14.0), '1', 'Largest log-odds of the period there, unless searches agree widely.',
         derived('A confidence of .88, and no limit.'))
     wide_agreement: tuple = constant(
         (0.55, 0.75), '1', 'Shares of agreement among `surroundings` from which the period begins '
