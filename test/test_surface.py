@@ -28,6 +28,7 @@ from color_stereo_ros.core.surface.gains import gains_of
 from color_stereo_ros.core.surface.grid import framed_area, HalfGrid, whole
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.method import SurfaceMethod
+from color_stereo_ros.core.surface.texture import TextureSearch
 from color_stereo_ros.core.surface.tuning import TUNING
 import cv2
 import numba
@@ -827,6 +828,19 @@ def test_a_mono_camera_beside_a_color_camera_is_compared_by_brightness(colored):
 def test_colors_that_show_are_believed_unless_many_places_match(step, monkeypatch, share, repeats):
     monkeypatch.setattr(CoarseSearch, 'rival_share', lambda search: share)
     assert (sensor().process(*step[:2]).rival_share > 0) == repeats
+
+
+@pytest.mark.parametrize('share, more, held', [(0.05, True, False), (0.17, True, True),
+                                               (0.17, False, False)])
+def test_where_places_rival_a_search_for_texture_may_find_more(step, monkeypatch, share, more,
+                                                               held):
+    stereo = sensor()
+    monkeypatch.setattr(CoarseSearch, 'rival_share', lambda search: share)
+    monkeypatch.setattr(TextureSearch, 'finds_more', lambda *rest: more)
+    result = stereo.process(*step[:2])
+    assert stereo._method.brightness.seeded is held and result.rival_share == 0
+    inner = seen_by_both(step[2])
+    assert np.mean(np.abs(result.disparity - step[2])[inner] < 1) > 0.8
 
 
 @pytest.mark.parametrize('share, shows', [(0.17, True), (0.24, False)])

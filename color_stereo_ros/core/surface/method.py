@@ -582,10 +582,9 @@ class SurfaceMethod:
             if views.raised:
                 return self.seeds_of_faint_colors(views)
             coarse = self.coarse.search(views)
-            if not self.repeats(views):
-                if views.compressed:  # luma keeps the detail that chroma has lost
-                    brightness.load(views)
-                return coarse
+            share = self.coarse.rival_share()
+            if not self.repeats(views, share):
+                return self.seeds_beside_rivals(views, coarse, share)
             if self.faint_colors_show(views):
                 return self.seeds_of_faint_colors(views)
             views.common_blur = 0.0  # what repeats need not have the sharp edges of the pattern
@@ -614,9 +613,31 @@ class SurfaceMethod:
         self.coarse.search(views)
         return self.coarse.rival_share() < repetition.unique_share
 
-    def repeats(self, views):
-        """Return whether the pair repeats itself where its pattern must not; sets rival_share."""
-        share, repetition = self.coarse.rival_share(), self.tuning.repetition
+    def seeds_beside_rivals(self, views, coarse, share):
+        """
+        Return the seeds of aperiodic colors: those of the coarse search, or of one for texture.
+
+        Where more nodes match at several places than under clear colors, the search for texture is
+        asked, too: it decides by what it finds. share: of the nodes with a rival.
+
+        """
+        if share > self.tuning.repetition.unique_share:
+            found = self.texture.search(views, False)
+            if self.texture.finds_more(found, self.planes.seed(coarse)):
+                self.brightness.load(views)
+                return self.held_by(found, views)
+        if views.compressed:  # luma keeps the detail that chroma has lost
+            self.brightness.load(views)
+        return coarse
+
+    def repeats(self, views, share):
+        """
+        Return whether the pair repeats itself where its pattern must not; sets rival_share.
+
+        share: of the nodes with a rival.
+
+        """
+        repetition = self.tuning.repetition
         if share < repetition.noticed_share or (
                 share < repetition.certain_share
                 and color_detail(views, self.tuning) > repetition.least_color_detail):
@@ -688,6 +709,10 @@ class SurfaceMethod:
             if slow:
                 self.suit(self.slow)
             return coarse
+        return self.held_by(found, views)
+
+    def held_by(self, found, views):
+        """Let the seeds of the search for texture hold the planes; return them."""
         self.suit(self.detailed)
         self.brightness.rely_on(found, views.grid)
         if self.expectation.aperiodic or self.expectation.repeats:
