@@ -610,13 +610,15 @@ def test_any_number_of_rounds_is_measured(rounds):
     assert result.density > 0.2
 
 
-def test_the_edge_of_the_image_is_no_print():
+def test_averages_of_slow_colors_have_no_bias_at_the_edge_of_the_image():
+    """A single pair errs by .07 px there; averages over a box, cut at the edge, by .07 in each."""
     truth = plane(320, 240, 30.0)
-    result = ColorStereo(rig(320, 240), surface_settings(
-        5, 80, pattern__type='sweep')).process(*pair_of(truth, kind='sweep'))
-    error = (result.disparity - truth)[40:-40, -8:]
-    assert np.isfinite(error).mean() > 0.5
-    assert abs(np.nanmedian(error)) < 0.1
+    stereo = ColorStereo(rig(320, 240), surface_settings(5, 80, pattern__type='sweep'))
+    found = [stereo.process(*pair_of(truth, kind='sweep', seed=seed)).disparity
+             for seed in range(1, 9)]
+    errors = [(each - truth)[40:-40, -8:] for each in found]
+    assert np.isfinite(errors).mean() > 0.5
+    assert abs(np.mean([np.nanmedian(each) for each in errors])) < 0.05
 
 
 def test_print_counts_under_slow_patterns_only():

@@ -163,6 +163,7 @@ class SurfaceMethod:
         found = self.texture.search(views, False)
         self.coarse.rival_share()
         self.coarse.period_odds(found)
+        views.average(self.slow.views.averaging_radius, 0.0)
         brightness.rely_on(found, views.grid)
         self.settle_disputes(views, planes, found)
         neutral = PairModel.neutral(views)
