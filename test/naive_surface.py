@@ -26,7 +26,7 @@ from color_stereo_ros.core.status import Status
 from color_stereo_ros.core.surface import (
     bend_kernels, grid_kernels, quality_kernels, raw_kernels, step_kernels, texture_kernels,
     trust_kernels)
-from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, RIVAL_DISTANCE
+from color_stereo_ros.core.surface.coarse_kernels import AGREEMENT, LARGEST, RIVAL_DISTANCE
 from color_stereo_ros.core.surface.contest_kernels import ALIKE, NEIGHBOR, OWN, SEED
 from color_stereo_ros.core.surface.grid_kernels import PAD, PHASE_VARIANCE, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.neighbor_kernels import HALO
@@ -394,7 +394,7 @@ def add_seeds(seed, d, tiles, gate, seed_weight, reference, weight, moment):
 def rival_gaps(cost, total):
     """Return by how much the own cost of the nearest rival of a match exceeds that of it."""
     rows, depth, columns = total.shape
-    gaps = np.zeros((rows, columns))
+    gaps = np.full((rows, columns), float(LARGEST))
     for y, x in np.ndindex(rows, columns):
         best = int(np.argmin(total[y, :, x]))
         others = [d for d in range(depth) if abs(d - best) > RIVAL_DISTANCE]
@@ -590,10 +590,10 @@ def window_difference(left, right, gain, y, x, plane, cap):
     return total
 
 
-def average_alike(u, v, variance, reach_y, reach_x, tolerance):
-    """Return the averages (u, v) of colors with opposite pairs of others that are alike."""
+def average_alike(u, v, variance, reach_y, reach_x, tolerance, noise):
+    """Return averages (u, v) of colors with opposite pairs that are alike, and their counts."""
     rows, columns = u.shape
-    out = np.stack([u, v]).astype(float)
+    out = np.stack([u, v, np.ones(u.shape)]).astype(float)
     for y, x in np.ndindex(rows, columns):
         if not variance[y, x] < SILENT_VARIANCE:
             continue
@@ -603,10 +603,11 @@ def average_alike(u, v, variance, reach_y, reach_x, tolerance):
             if pair[0] != (y, x) and all(
                     0 <= row < rows and 0 <= column < columns
                     and variance[row, column] < SILENT_VARIANCE
-                    and np.hypot(u[row, column] - u[y, x], v[row, column] - v[y, x]) < tolerance
+                    and ((u[row, column] - u[y, x]) ** 2 + (v[row, column] - v[y, x]) ** 2
+                         < tolerance ** 2 + noise * variance[y, x])
                     for row, column in pair):
                 alike.append(pair[0])
-        out[:, y, x] = [np.mean([plane[each] for each in alike]) for plane in (u, v)]
+        out[:, y, x] = *(np.mean([plane[each] for each in alike]) for plane in (u, v)), len(alike)
     return out
 
 

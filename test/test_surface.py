@@ -21,15 +21,16 @@ from pathlib import Path
 from color_stereo_ros.core import CameraModel, ColorStereo, Settings, Status, StereoCalibration
 from color_stereo_ros.core.cameras.rectification import raw_coordinates
 from color_stereo_ros.core.compiled import Arena
+from color_stereo_ros.core.patterns.expectation import Expectation
 from color_stereo_ros.core.pipeline import Stopwatch
 from color_stereo_ros.core.surface import bends, planes, quality, views
-from color_stereo_ros.core.surface.coarse import CoarseSearch
+from color_stereo_ros.core.surface.coarse import CoarseSearch, Seeds
 from color_stereo_ros.core.surface.gains import gains_of
 from color_stereo_ros.core.surface.grid import framed_area, HalfGrid, whole
 from color_stereo_ros.core.surface.grid_kernels import F4, PAD, TILE_COLUMNS, TILE_ROWS
 from color_stereo_ros.core.surface.method import SurfaceMethod
 from color_stereo_ros.core.surface.texture import TextureSearch
-from color_stereo_ros.core.surface.tuning import TUNING
+from color_stereo_ros.core.surface.tuning import TUNING, tuning_for
 import cv2
 import numba
 import numpy as np
@@ -510,6 +511,7 @@ def coarse_disparity(smoothness, left, right):
 @pytest.mark.parametrize('gap, odds', [(-1.0, 2.0), (0.05, 2.0), (0.12, 8.0), (0.5, 14.0)])
 def test_a_period_is_no_surer_than_the_colors_of_the_nodes_tell(gap, odds):
     search = CoarseSearch((48, 64), 128, (2, 40), Settings().matching, TUNING, Arena())
+    search.upright.left[3] = 16  # all nodes are lit
     cost, total = search.upright.cost, search.upright.total
     cost[:], total[:] = 400, 3000
     total[:, 2], total[:, 6] = 0, 2000  # clear along the paths
@@ -517,7 +519,27 @@ def test_a_period_is_no_surer_than_the_colors_of_the_nodes_tell(gap, odds):
     np.testing.assert_allclose(search.odds_of_colors(), odds, atol=0.6)
 
 
-def test_smoothness_removes_steps_from_the_coarse_search():
+@pytest.mark.parametrize('agreeing, gap, least, most', [
+    (False, 0.0, 0.9, 2.0), (False, 0.5, 4.0, 14.0), (True, 0.0, 13.9, 14.0)])
+def test_own_colors_cap_a_period_unless_two_searches_agree_widely(agreeing, gap, least, most):
+    """All nodes are clear along the paths."""
+    search = CoarseSearch((96, 128), 256, (2, 80), Settings().matching, tuning_for(
+        Expectation(aperiodic=False, cycles=16), 256), Arena())
+    search.upright.left[3] = 16
+    cost, total = search.upright.cost, search.upright.total
+    cost[:], total[:] = 400, 3000
+    total[:, 2], total[:, 8] = 0, 2900
+    cost[:, 8] = cost[:, 2] + round(gap * TUNING.coarse.large_step)
+    step = 2 * search.factor
+    matches = np.full((96, 128), step * (search.first + 2) - 0.5, F4)
+    matches[:, ::8] += 8 * step  # depth edges, which anchor a period
+    matches += 0 if agreeing else 4 * step
+    _, odds = search.period_odds(Seeds(matches, 1, None, 0.0))
+    assert least <= np.median(odds[:, -16:]) <= most
+
+
+def test_smoothness_removes_steps_from_the_coarse_search(monkeypatch):
+    monkeypatch.setattr(TextureSearch, 'finds_more', lambda *rest: False)
     left, right = plane_pair(WIDTH, HEIGHT, 20, brightness=12)
     steps = [np.mean(np.abs(coarse_disparity(smoothness, left, right) - 20) < 1)
              for smoothness in (0.0, 1.0)]
@@ -621,7 +643,7 @@ def test_averages_of_slow_colors_have_no_bias_at_the_edge_of_the_image():
     assert abs(np.mean([np.nanmedian(each) for each in errors])) < 0.05
 
 
-def test_print_counts_under_slow_patterns_only():
+def test_brightness_counts_beside_print_under_slow_patterns_only():
     truth = plane(WIDTH, HEIGHT, 20.0)
     ink = np.where(np.arange(WIDTH) // 16 % 2, 0.3, 1.0)[:, None]
     for kind, counts in (('sweep', True), ('hue_field', False)):
@@ -841,6 +863,7 @@ def test_where_places_rival_a_search_for_texture_may_find_more(step, monkeypatch
     monkeypatch.setattr(TextureSearch, 'finds_more', lambda *rest: more)
     result = stereo.process(*step[:2])
     assert stereo._method.brightness.seeded is held and result.rival_share == 0
+    assert not stereo._method.plain  # the colors of the pattern show: a projector may be followed
     inner = seen_by_both(step[2])
     assert np.mean(np.abs(result.disparity - step[2])[inner] < 1) > 0.8
 

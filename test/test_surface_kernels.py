@@ -34,7 +34,7 @@ from color_stereo_ros.core.surface.bend_kernels import (
     find_bent_tiles, unbend, write_pulls)
 from color_stereo_ros.core.surface.coarse import CoarseSearch, half_way
 from color_stereo_ros.core.surface.coarse_kernels import (
-    add_turned, count_rivals, GUARD_COST, reduce_colors, rival_gaps, seed_planes, winners)
+    add_turned, count_rivals, GUARD_COST, LARGEST, reduce_colors, rival_gaps, seed_planes, winners)
 from color_stereo_ros.core.surface.grid import tiles_of
 from color_stereo_ros.core.surface.grid_kernels import (
     PAD, SILENT_VARIANCE, TILE_COLUMNS, TILE_ROWS)
@@ -188,19 +188,24 @@ def test_colors_are_averaged_in_opposite_pairs_that_are_alike(reach_y, reach_x, 
     u, v = rng.normal(0, 0.03, (2, 19, width)).astype(F4) + F4(0.02) * np.arange(width, dtype=F4)
     u[:, width // 2:] += F4(0.5)  # a depth edge
     variance = np.where(rng.uniform(size=u.shape) < 0.1, SILENT_VARIANCE, F4(0.01))
-    out = np.full((2, *u.shape), 9, F4)
-    average_alike(u, v, variance, reach_y, reach_x, F4(0.15), *out)
-    expected = naive.average_alike(u, v, variance, reach_y, reach_x, 0.15)
+    out = np.full((3, *u.shape), 9, F4)
+    average_alike(u, v, variance, reach_y, reach_x, F4(0.12), F4(0.6), *out)
+    expected = naive.average_alike(u, v, variance, reach_y, reach_x, 0.12, 0.6)
     np.testing.assert_allclose(out, expected, atol=1e-5)
     assert np.abs(out[0] - u).max() < 0.15 and np.abs(out[0] - u).mean() > 0.005
 
 
 def test_averages_keep_slopes_and_depth_edges():
-    u = np.tile(F4(0.03) * np.arange(41, dtype=F4), (9, 1))
-    u[:, 20:] += F4(0.5)
-    out = np.empty((2, *u.shape), F4)
-    average_alike(u, u, np.full(u.shape, F4(0.01)), 3, 3, F4(0.15), *out)
-    np.testing.assert_allclose(out[0], u, atol=1e-6)
+    rng = np.random.default_rng(8)
+    truth = np.tile(F4(0.03) * np.arange(41, dtype=F4), (29, 1))
+    truth[:, 20:] += F4(0.5)
+    u = truth + rng.normal(0, 0.02, truth.shape).astype(F4)
+    out = np.empty((3, *u.shape), F4)
+    average_alike(u, truth, np.full(u.shape, F4(0.02 ** 2)), 3, 3, F4(0.15), F4(1), *out)
+    inner = (out[0] - truth)[3:-3, 3:-3]
+    assert inner.std() < 0.02 / 2 and np.abs(inner).max() < 0.05
+    spread = 0.02 ** 2 / out[2][3:-3, 3:-3]  # what counting says
+    assert 0.8 < np.mean(inner ** 2 / spread) < 1.5
 
 
 @pytest.mark.parametrize('step_x, step_y, left', [(2, 2, PAD), (4, 2, 0)])
@@ -394,7 +399,7 @@ def test_own_colors_tell_a_match_from_its_rival(depth):
     gaps = np.full((5, 150), 9, F4)
     rival_gaps(cost, total, gaps)
     np.testing.assert_array_equal(gaps, naive.rival_gaps(cost, total))
-    assert (gaps != 0).any() == (depth > 2)
+    assert (gaps == LARGEST).all() == (depth == 2)
 
 
 @pytest.mark.parametrize('channels', [1, 3])

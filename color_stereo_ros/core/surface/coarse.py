@@ -193,8 +193,9 @@ class CoarseSearch:
         both += certain * (tuning.agreed_odds[-1] - both)
         known = apart + agree * (both - apart)
         found = alone + self.anchored(theirs) * (known - alone)
-        np.minimum(found, self.odds_of_colors(), out=found, where=certain < 1)
-        return clear, found.astype(F4)
+        firm, limit = np.interp(certain, tuning.firmly_certain, (0, 1)), self.odds_of_colors()
+        limit += firm * (tuning.agreed_odds[-1] - limit)
+        return clear, np.minimum(found, limit).astype(F4)
 
     def odds_of_colors(self):
         """
@@ -206,9 +207,11 @@ class CoarseSearch:
         """
         tuning = self.repetition
         rival_gaps(self.upright.cost, self.upright.total, self.clear)
-        gap = cv2.blur(self.clear, 2 * (tuning.color_surroundings,))
-        return np.interp(gap / F4(self.tuning.large_step), tuning.color_gaps,
-                         tuning.color_odds).astype(F4)
+        around, trust = 2 * (tuning.color_surroundings,), self.upright.left[3].astype(F4)
+        weight = cv2.blur(trust, around)
+        gap = cv2.blur(self.clear * trust, around) / np.maximum(weight, F4(1))
+        odds = np.interp(gap / F4(self.tuning.large_step), tuning.color_gaps, tuning.color_odds)
+        return np.where(weight < 1, F4(tuning.color_odds[-1]), odds).astype(F4)
 
     def anchored(self, disparity):
         """

@@ -309,7 +309,7 @@ def rival_gaps(k, cost, total, gaps):
 
     cost and total, int16 (rows, D, columns): of the nodes alone, and along the paths, which choose
     the match and its rival, the cheapest one more than RIVAL_DISTANCE nodes away. gaps, float32
-    (rows, columns): cost of the rival less that of the match; 0 where there is no rival.
+    (rows, columns): cost of the rival less that of the match; LARGEST where there is no rival.
 
     """
     rows, depth, columns = total.shape
@@ -329,8 +329,8 @@ def rival_gaps(k, cost, total, gaps):
                     rival[i] = I2(d) if cheaper else rival[i]
                     second[i] = row[i] if cheaper else second[i]
             for i in range(lanes):
-                gaps[y, left + i] = F4(cost[y, rival[i], left + i]) - F4(
-                    cost[y, best[i], left + i])
+                gaps[y, left + i] = F4(LARGEST) if rival[i] == best[i] else (
+                    F4(cost[y, rival[i], left + i]) - F4(cost[y, best[i], left + i]))
 
 
 @part()

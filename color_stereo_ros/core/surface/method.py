@@ -238,7 +238,8 @@ class SurfaceMethod:
     @property
     def plain(self):
         """Return whether the pair in force shows no colors of the pattern."""
-        return self.brightness.seeded and not self.views.raised
+        repeats = self.gray or self.rival_share > 0 or not self.expectation.aperiodic
+        return self.brightness.seeded and repeats and not self.views.raised
 
     @property
     def evening_in_force(self):
@@ -619,7 +620,8 @@ class SurfaceMethod:
         Return the seeds of aperiodic colors: those of the coarse search, or of one for texture.
 
         Where more nodes match at several places than under clear colors, the search for texture is
-        asked, too: it decides by what it finds. share: of the nodes with a rival.
+        asked, too: it decides by what it finds. Writes the planes. share: of the nodes with a
+        rival.
 
         """
         if share > self.tuning.repetition.unique_share:
@@ -692,7 +694,8 @@ class SurfaceMethod:
         """
         unlike = self.tuning.unlike
         slope = median_slope(views, unlike.slope_step, unlike.slope_distance)
-        slow = self.slow is self.tuning or slope < unlike.slowest_slope
+        slow = self.slow is self.tuning or (
+            0 < slope * views.grid.columns < unlike.slowest_change)
         detailed, possible = self.detail_shown(views, slow)
         found = self.texture.search(views, False) if detailed or possible else None
         averaged = slow and not detailed
@@ -702,6 +705,7 @@ class SurfaceMethod:
         searched = self.expectation.aperiodic and not averaged
         coarse = self.coarse.seeds if searched else self.coarse.search(views)
         if found is not None and not detailed:
+            # after that, periods are judged by the search in averaged colors: one more witness
             detailed = self.texture.finds_more(found, self.planes.seed(coarse))
             if detailed and averaged:
                 views.restore(kept)

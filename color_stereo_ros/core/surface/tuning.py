@@ -272,11 +272,16 @@ class ViewTuning(Constants):
                'radius 2 .866 and .846, 3 .849 and .881, 4 .826 and .892.'))
     largest_averaging_radius: int = constant(
         4, 'nodes', 'Largest radius over which slow colors are averaged.',
-        derived('18 px: wider than that, surfaces are no planes.'))
+        chosen('18 px. The value of the first version for slow patterns (e4ddeb0).'))
     alike_slope: float = constant(
         1.5, '1', 'Largest change per node of colors that are averaged, in median slopes.',
         chosen('1.25: .855 and .874, clean and noisier scenes; 1.5: .849 and .881; 1.75: .842 and '
                '.883. Averages of all colors around: .630 to .794 and .722 to .965.'))
+    alike_noise: float = constant(
+        1.0, '1', 'The same in standard deviations of the noise of a node, added in squares.',
+        chosen('0: where noise is as large as the slope, averages take the colors that its noise '
+               'has made alike. A dim plane: median error .51 -> .39 px, z68 2.1 -> 1.4; 2 and 3 '
+               'lose depth edges.'))
     averaged_noise: float = constant(
         2.0, '1', 'Factor of the variance of averaged colors for the correlation of neighbors.',
         chosen('The noise of neighbors is correlated: averaging helps half as much as counting '
@@ -430,12 +435,13 @@ class UnlikeTuning(Constants):
         0.3, '1 per node', 'Median slope of the colors along the rows below which small '
         'differences of the cameras are looked for, too.',
         chosen('The default pattern has .38 to .59 on nine scenes, 13 cycles of a sine have .2.'))
-    slowest_slope: float = constant(
-        0.045, '1 per node', 'The same, over `slope_distance`, below which colors without detail '
-        'are averaged, and not evened out: a gain that varies over the image is then a surface.',
-        chosen('One sweep .029 to .036, one sine .021, three sweeps .078 to .103; 16 pale sines '
-               'over 1200 px .053. Four noisy scenes under one sweep named unknown: right .43 -> '
-               '.88; clean casting and airplane .85 -> .85.'), off=0.0)
+    slowest_change: float = constant(
+        14.0, '1 per width', 'The same, over `slope_distance` and times the width of the image, '
+        'below which colors without detail are averaged, and not evened out: a gain that varies '
+        'over the image is then a surface.',
+        chosen('One sweep 9 to 12, one sine 7, three sweeps 25 to 33, 16 pale sines 32. One sweep '
+               'named unknown, four noisy scenes: right .43 -> .88; clean casting and airplane '
+               '.85 -> .85.'), off=0.0)
     slope_distance: int = constant(
         3, 'nodes', 'Distance of the nodes that tell whether colors change slowly.',
         chosen('Noise makes .034 .037 to .041 over one node, .036 over three.'))
@@ -1379,6 +1385,10 @@ class RepetitionTuning(Constants):
         9, 'coarse nodes', 'Width of the surroundings whose colors are asked for the period.',
         chosen('5: a single node decides in part; 21: .06 to .1 where 9 has .03 to .09 at wrong '
                'periods.'))
+    firmly_certain: tuple = constant(
+        (0.5, 1.0), '1', 'Certainty by two searches from which that begins not to hold, and from '
+        'which it does not.',
+        chosen('Wrong periods above confidence .9: at most .2; textured pairs 1.'))
     color_gaps: tuple = constant(
         (0.1, 0.14), 'large steps', 'By how much more a repetition costs the colors around, '
         'where log-odds are `color_odds`.',
@@ -1388,7 +1398,7 @@ class RepetitionTuning(Constants):
                '.57 -> .53.'))
     color_odds: tuple = constant(
         (2.0, 14.0), '1', 'Largest log-odds of the period there, unless searches agree widely.',
-        derived('A confidence of .88, and no limit.'))
+        chosen('A confidence of .88, and no limit.'))
     wide_agreement: tuple = constant(
         (0.55, 0.75), '1', 'Shares of agreement among `surroundings` from which the period begins '
         'to be certain, and from which it is.',
@@ -1482,8 +1492,8 @@ def slow(radius):
             'Seeds are rougher. One sine, five scenes: .682 within 1 px, as before the narrower '
             'gates (c1b4124).')),
         'planes.smooth_steps': Change((6.4, 4.8, 2.4), chosen(
-            'Noise makes planes rough. Factors of 2.5, 1.25, .8 and .47: right .771, .778, .777 '
-            'and .767, wrong of the casting 7.3, 4.1, 3.6 and 3.4 % (one sweep).')),
+            'Noise makes planes rough. First steps of 16, 8, 5.3 and 3 px, one sweep: right .771, '
+            '.778, .777 and .767; wrong of the casting 7.3, 4.1, 3.6 and 3.4 %.')),
         'pair.color_matching': Change(False, unexplained(
             'A shift of slow colors looks like a color difference of the cameras.')),
         'unlike.blur': Change(False, derived('Averaged colors do not show blur.')),
@@ -1524,11 +1534,16 @@ def detailed_tuning(tuning):
 
 
 def slow_tuning(tuning, width):
-    """Return how slow colors are fitted and judged of which nothing was known."""
+    """
+    Return how slow colors are fitted and judged.
+
+    Under a pattern that is not known to be slow they are those of one cycle. tuning: under the
+    pattern. width: of the image, px.
+
+    """
     if tuning.views.averaging_radius:
         return tuning
-    found = changed(TUNING, PERIODIC | slow(averaging_radius(1, width)))
-    return replace(tuning, **{name: getattr(found, name) for name in (*FITTED, 'views')})
+    return changed(tuning, slow(max(1, averaging_radius(1, width))))
 
 
 def careful_tuning(detailed):

@@ -211,55 +211,57 @@ def widen_row(u0, u1, u2, v0, v1, v2, gain_x, gain_y, out_u, out_v):
 
 
 @banded(fastmath=FAST)
-def average_alike(k, u, v, variance, reach_y, reach_x, tolerance, out_u, out_v):
+def average_alike(k, u, v, variance, reach_y, reach_x, tolerance, noise, out_u, out_v, counts):
     """
     Average the colors of each place with those around it that are alike, in opposite pairs.
 
-    A pair counts if the colors of both are known and within tolerance of that of the place. Two
-    places opposite each other leave the slope of a color as it is, and at a depth edge neither
-    counts. u, v, variance, out_u, out_v: float32 (h, w); unknown, see `sample_colors`, are colors
-    of SILENT_VARIANCE. They stay as they are.
+    A pair counts if the colors of both are known and close to that of the place: their squared
+    distance is below tolerance^2 + noise variance. Two places opposite each other leave the slope
+    of a color as it is, and at a depth edge neither counts. counts takes how many places each
+    average is of. All arrays are float32 (h, w); unknown, see `sample_colors`, are colors of
+    SILENT_VARIANCE. They stay as they are, and count 1.
 
     """
     rows, columns = u.shape
     first, last = band(k, rows)
-    bound = tolerance * tolerance
     for y in range(first, last):
-        mean_u, mean_v, spread = out_u[y], out_v[y], variance[y]
+        mean_u, mean_v, spread, count = out_u[y], out_v[y], variance[y], counts[y]
         for start in range(0, columns, LENGTH):
             stop = min(start + LENGTH, columns)
-            counts = stack_row()
+            bounds = stack_row()
             for x in range(start, stop):
-                mean_u[x], mean_v[x], counts[x - start] = u[y, x], v[y, x], F4(1)
+                mean_u[x], mean_v[x], count[x] = u[y, x], v[y, x], F4(1)
+                bounds[x - start] = tolerance * tolerance + noise * spread[x]
             for j in range(min(reach_y, y, rows - 1 - y) + 1):
                 for i in range(-reach_x if j else 1, reach_x + 1):
                     low, high = max(start, abs(i)), min(stop, columns - abs(i))
-                    add_pairs(u, v, variance, y, j, i, low, high, bound, mean_u, mean_v,
-                              counts[low - start:])
+                    add_pairs(u, v, variance, y, j, i, low, high, bounds[low - start:], mean_u,
+                              mean_v, count)
             for x in range(start, stop):
                 known = spread[x] < SILENT_VARIANCE
-                share = F4(1) / counts[x - start]
+                share = F4(1) / count[x]
                 mean_u[x] = mean_u[x] * share if known else u[y, x]
                 mean_v[x] = mean_v[x] * share if known else v[y, x]
+                count[x] = count[x] if known else F4(1)
 
 
 @part(fastmath=FAST)
-def add_pairs(u, v, variance, y, j, i, low, high, bound, sum_u, sum_v, counts):
+def add_pairs(u, v, variance, y, j, i, low, high, bounds, sum_u, sum_v, counts):
     """Add the pairs j rows and i columns before and behind a part of a row, `average_alike`."""
     here_u, here_v = u[y, low:high], v[y, low:high]
     rows = (u[y - j, low - i:high - i], v[y - j, low - i:high - i],
             u[y + j, low + i:high + i], v[y + j, low + i:high + i])
     before_u, before_v, behind_u, behind_v = rows
     before, behind = variance[y - j, low - i:high - i], variance[y + j, low + i:high + i]
-    total_u, total_v = sum_u[low:high], sum_v[low:high]
+    total_u, total_v, count = sum_u[low:high], sum_v[low:high], counts[low:high]
     for x in range(here_u.size):
         p_u, p_v = before_u[x] - here_u[x], before_v[x] - here_v[x]
         q_u, q_v = behind_u[x] - here_u[x], behind_v[x] - here_v[x]
-        alike = ((p_u * p_u + p_v * p_v < bound) & (q_u * q_u + q_v * q_v < bound)
+        alike = ((p_u * p_u + p_v * p_v < bounds[x]) & (q_u * q_u + q_v * q_v < bounds[x])
                  & (before[x] < SILENT_VARIANCE) & (behind[x] < SILENT_VARIANCE))
         total_u[x] += before_u[x] + behind_u[x] if alike else F4(0)
         total_v[x] += before_v[x] + behind_v[x] if alike else F4(0)
-        counts[x] += F4(2) if alike else F4(0)
+        count[x] += F4(2) if alike else F4(0)
 
 
 @serial(fastmath=FAST)

@@ -216,9 +216,10 @@ class Views:
 
         """
         tolerance = F4(self.tuning.alike_slope * radius * slope)
-        for view in (self.left, self.right):
-            view.average(radius, tolerance)
-        self.noise_weight = F4(self.noise_weight / (1 + 2 * radius) ** 2)
+        counts = [view.average(radius, tolerance) for view in (self.left, self.right)]
+        lit = self.left.variance < SILENT_VARIANCE
+        if lit.any():
+            self.noise_weight = F4(self.noise_weight / counts[0][lit].mean())
 
     def blur_of_both(self, looks):
         """Return common_blur of raw images, of which a Look each is known."""
@@ -447,23 +448,37 @@ class View:
                                              F4(0.5) * SILENT_VARIANCE)
 
     def average(self, radius, tolerance):
-        """Average the chromaticities with those within tolerance; radius: nodes."""
-        u, v = self.u.copy(), self.v.copy()
+        """
+        Average the chromaticities with those that are alike.
+
+        Parameters
+        ----------
+        radius : int
+            Nodes.
+        tolerance : numpy.float32
+            Change that slopes make within the radius.
+
+        Returns
+        -------
+        counts : numpy.ndarray, float32
+            Of how many nodes each average is.
+
+        """
+        u, v, counts = self.u.copy(), self.v.copy(), np.empty_like(self.u)
         average_alike(u, v, self.variance, radius, radius * self.columns_per_node, tolerance,
-                      self.u, self.v)
+                      F4(self.tuning.alike_noise ** 2), self.u, self.v, counts)
+        counts /= F4(self.columns_per_node)
         # the noise of neighbors is correlated: averaging helps less than counting says
         informed = self.variance < SILENT_VARIANCE
-        self.variance[informed] *= F4(self.tuning.averaged_noise / (2 * radius + 1) ** 2)
+        self.variance[informed] *= np.minimum(
+            F4(self.tuning.averaged_noise) / counts[informed], F4(1))
+        return counts
 
     @cached_property
     def raw_rows(self):
         """Row of each node in the raw image, px, float32; outside: the first one."""
         stride = self.box.shape[1]
         return (np.maximum(self.index[0], 0) // stride).astype(F4) + self.index[2] + F4(0.5)
-
-    def window(self, radius):
-        """Return columns and rows of the window of so many nodes around one."""
-        return 1 + 2 * radius * self.columns_per_node, 1 + 2 * radius
 
 
 def half_grid_index(camera, rows, columns, step_x, shape, places):
