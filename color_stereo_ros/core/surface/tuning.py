@@ -269,14 +269,14 @@ class ViewTuning(Constants):
     averaging_period: int = constant(
         200, 'px', 'Length of a color cycle per node of averaging radius.',
         chosen('One sweep or sine, 640 px wide, right within 1 px, clean and noisier scenes: '
-               'radius 2 .866 and .846, 3 .849 and .881, 4 .826 and .892.'))
+               'radius 2 .873 and .833, 3 .854 and .882, 4 .819 and .892.'))
     largest_averaging_radius: int = constant(
         4, 'nodes', 'Largest radius over which slow colors are averaged.',
         chosen('18 px. The value of the first version for slow patterns (e4ddeb0).'))
     alike_slope: float = constant(
         1.5, '1', 'Largest change per node of colors that are averaged, in median slopes.',
-        chosen('1.25: .855 and .874, clean and noisier scenes; 1.5: .849 and .881; 1.75: .842 and '
-               '.883. Averages of all colors around: .630 to .794 and .722 to .965.'))
+        chosen('1.25: .859 and .874, clean and noisier scenes; 1.5: .854 and .882; 1.75: .847 and '
+               '.884. Averages of all colors around: .630 to .794 and .722 to .965.'))
     alike_noise: float = constant(
         1.0, '1', 'The same in standard deviations of the noise of a node, added in squares.',
         chosen('0: where noise is as large as the slope, averages take the colors that its noise '
