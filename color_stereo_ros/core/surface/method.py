@@ -415,7 +415,8 @@ class SurfaceMethod:
         Returns
         -------
         uneven : numpy.ndarray, float32, shape (rows, columns), or None
-            See `Quality.uneven`; None: an aperiodic pattern, for which log-odds are fitted.
+            See `Quality.uneven`; None: an aperiodic pattern whose colors hold the planes, for
+            which log-odds are fitted.
 
         """
         if not self.settings.matching.refinements:

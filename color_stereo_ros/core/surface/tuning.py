@@ -285,7 +285,7 @@ class ViewTuning(Constants):
     averaged_noise: float = constant(
         2.0, '1', 'Factor of the variance of averaged colors for the correlation of neighbors.',
         chosen('The noise of neighbors is correlated: averaging helps half as much as counting '
-               'says (e4ddeb0).'))
+               'says (e4ddeb0, averages over a box).'))
     least_inside_share: float = constant(
         1e-3, '1', 'Smallest share of nodes inside the image that a mean is divided by.',
         derived('Less than one node of the surroundings; prevents division by 0.'))
@@ -1502,7 +1502,8 @@ def slow(radius):
         'rows.least_information': Change(math.inf, chosen(
             'Slow colors show no rows: what remains are depth edges, where the views differ.')),
         'planes.noise_correlation': Change(noise_correlation(radius), derived(
-            'See `noise_correlation`; z-scores 7 to 8 -> 1.0 to 1.6 (358af77).')),
+            'See `noise_correlation`: of whole windows; where fewer colors are alike it is too '
+            'large. z68 of slow patterns .7 to .9 on clean scenes, 1.2 to 1.6 on noisier ones.')),
         'bends.rounds': Change(0, chosen(
             'Averaged colors say too little of the place for second differences.')),
         'quality.pull_gain': Change(0.0, derived(
