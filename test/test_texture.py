@@ -180,6 +180,7 @@ def test_detail_shows_against_the_noise_of_the_pair(noise):
     """Metal as photographed: three quarters of the nodes have twice the detail of the quietest."""
     quiet, fine = np.full(20, noise), np.full(80, 2.5 * noise)
     assert details_show(np.concatenate([quiet, fine]), F4(0), TUNING.brightness)
+    assert not details_show(np.concatenate([quiet, fine]), F4(0), TUNING.brightness, quiet=False)
     assert not details_show(np.concatenate([quiet, quiet, fine]), F4(0), TUNING.brightness)
 
 

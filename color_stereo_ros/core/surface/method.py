@@ -733,7 +733,8 @@ class SurfaceMethod:
         level = tuple(plane[inner] for plane in self.brightness.planes[0])
         brightness = detail([level], tuning)[lit]
         colors = F4(0) if slow else detail(colors_of(views), tuning)[lit]
-        return (details_show(brightness, colors, tuning),
+        # under slow colors noise stands out, too: detail that is less than it is only possible
+        return (details_show(brightness, colors, tuning, quiet=not slow),
                 clear_share(brightness, tuning) > tuning.possible_share)
 
     def suit(self, tuning):

@@ -335,7 +335,7 @@ def detail(carriers, tuning):
     return most
 
 
-def details_show(brightness, colors, tuning):
+def details_show(brightness, colors, tuning, quiet=True):
     """
     Return whether most nodes have detail.
 
@@ -348,6 +348,8 @@ def details_show(brightness, colors, tuning):
         Detail of lit nodes, see `detail`; without colors 0.
     tuning : BrightnessTuning
         Constants of this stage.
+    quiet : bool
+        The pair may be quieter than the camera model.
 
     """
     if not brightness.size:
@@ -355,7 +357,7 @@ def details_show(brightness, colors, tuning):
     found = np.maximum(brightness, colors)
     if np.mean(found >= F4(tuning.least_detail)) > tuning.detailed_share:
         return True
-    return clear_share(brightness, tuning) > tuning.clear_share
+    return quiet and clear_share(brightness, tuning) > tuning.clear_share
 
 
 def clear_share(brightness, tuning):
